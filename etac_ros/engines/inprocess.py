@@ -1,0 +1,122 @@
+"""The in-process engine: orders are calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from etac_ros.engines.recording import Message, Recording
+from etac_ros.modules.cell import Cell, Sent
+from etac_ros.modules.contract import Arrival
+from etac_ros.modules.graph import Graph
+from etac_ros.modules.plant import PlantModule
+from etac_ros.parameters import FloatArray
+from etac_ros.timing.master import TimeMaster
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+from etac_ros.timing.windows import WindowPolicy
+
+
+class InProcess:
+    """Runs a graph once. The graph's modules are used up by it: build a new graph for the next run.
+
+    Parameters
+    ----------
+    graph
+        Freshly built modules and their links.
+    windows
+        How far plants compute ahead.
+    trace
+        Called with every order and its report; for tests and for teaching.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        windows: WindowPolicy = WindowPolicy(),
+        trace: Callable[[Order, Report], None] | None = None,
+    ) -> None:
+        self.master = TimeMaster(graph, windows)
+        self.recording = Recording(
+            messages={name: [] for name in graph.links}, truth={name: [] for name in graph.plants}
+        )
+        self._graph = graph
+        self._trace = trace
+        self._cells = {name: Cell(graph, name) for name in graph.modules}
+        self._values: dict[MessageId, FloatArray] = {}
+        self._numbers = dict.fromkeys(graph.links, 0)
+
+    def run(self) -> Recording:
+        """Run from tick 0 to the end.
+
+        Returns
+        -------
+        Recording
+            Everything that was sent and every committed sample.
+
+        Raises
+        ------
+        ProtocolError
+            If the messages of one tick go round without end.
+        """
+        batches = self.master.run()
+        orders = next(batches)
+        while True:
+            reports = [self._execute(order) for order in orders]
+            try:
+                orders = batches.send(reports)
+            except StopIteration:
+                break
+        for link, sequence, tick, step in self.master.take_ledger():
+            value = self._values[MessageId(link, sequence)]
+            self.recording.messages[link].append(Message(sequence, tick, step, value))
+        return self.recording
+
+    def _execute(self, order: Order) -> Report:
+        report = self._obey(order)
+        if self._trace is not None:
+            self._trace(order, report)
+        return report
+
+    def _obey(self, order: Order) -> Report:
+        cell = self._cells[order.module]
+        match order:
+            case Look(_, after, grant):
+                proposal = cell.look(after)
+                if proposal is None or proposal > grant:
+                    return Report(proposal=proposal)
+                return Report(self._send(cell.fire(proposal)), proposal, fired=True, halt=cell.module.halt)
+            case Deliver(_, tick, _, bag):
+                arrivals = tuple(self._arrival(order.module, message) for message in bag)
+                return Report(self._send(cell.receive(tick, arrivals)), halt=cell.module.halt)
+            case Fire(_, tick):
+                return Report(self._send(cell.fire(tick)), halt=cell.module.halt)
+            case Open(plant, tick, length, _):
+                self._commit(plant, tick)
+                window = self._plant(plant).open(length)
+                for reader in self._graph.readers[plant]:
+                    self._cells[reader].see(window)
+                return Report()
+            case Close(plant, tick):
+                self._commit(plant, tick)
+                return Report()
+
+    def _plant(self, name: str) -> PlantModule:
+        module = self._graph.modules[name]
+        assert isinstance(module, PlantModule)
+        return module
+
+    def _commit(self, plant: str, tick: int) -> None:
+        start, samples = self._plant(plant).commit(tick)
+        if samples.shape[0]:
+            self.recording.truth[plant].append((start, samples))
+
+    def _arrival(self, receiver: str, message: MessageId) -> Arrival:
+        return Arrival(
+            self._graph.links[message.link].receivers[receiver], message.link, self._values[message]
+        )
+
+    def _send(self, sent: Sent) -> tuple[str, ...]:
+        for link, value in sent:
+            self._numbers[link.name] += 1
+            self._values[MessageId(link.name, self._numbers[link.name])] = value
+        return tuple(link.name for link, _ in sent)
+

@@ -1,0 +1,40 @@
+"""What a run leaves behind in memory, whichever engine ran it and whether or not it came back from a bag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from etac_ros.parameters import FloatArray
+
+
+class Message(NamedTuple):
+    """One message of a link with its place in time."""
+
+    sequence: int
+    tick: int
+    step: int
+    value: FloatArray
+
+
+@dataclass
+class Recording:
+    """Messages of every link and the committed samples of every plant.
+
+    Attributes
+    ----------
+    messages
+        By link name, in order of sequence number.
+    truth
+        Committed samples of each plant as (first tick, samples) chunks without gaps.
+    """
+
+    messages: dict[str, list[Message]] = field(default_factory=dict)
+    truth: dict[str, list[tuple[int, FloatArray]]] = field(default_factory=dict)
+
+    def samples(self, plant: str) -> tuple[int, FloatArray]:
+        """All committed samples of a plant: the tick of the first, and an array of shape (n, states)."""
+        chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
+        return chunks[0][0], np.concatenate([samples for _, samples in chunks])

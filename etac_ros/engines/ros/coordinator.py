@@ -1,0 +1,280 @@
+"""The coordinator: drives the time master with messages, keeps the ledger, begins and ends the run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.context import Context
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from etac_ros.engines.ros.endpoints import Publisher, Spinner
+from etac_ros.engines.ros.messages import NANOSECONDS, note, read_note
+from etac_ros.engines.ros.module_station import PlantStation
+from etac_ros.engines.ros.notes import order_note, read_report
+from etac_ros.engines.ros.plan import (
+    BYE,
+    COORDINATOR,
+    FAULT,
+    HELLO,
+    LEDGER,
+    START,
+    STOP,
+    Plan,
+    go_topic,
+    next_topic,
+)
+from etac_ros.engines.ros.station import Station
+from etac_ros.errors import RunError
+from etac_ros.timing.master import TimeMaster
+from etac_ros.timing.orders import Close, Deliver, Look, Open, Order, Report
+
+_TELL_EVERY_S = 0.1  # wall time between ledgers, clock ticks and progress: none of it bears on a result
+QUIET_S = 20.0
+"""A node that owes an answer for this long is reported; only failures ever wait so long."""
+
+Progress = Callable[[int, Mapping[str, int]], None]
+
+
+class CoordinatorStation(Station):
+    """The node that advances time.
+
+    Parameters
+    ----------
+    plan, spinner, context
+        As for :class:`Station`.
+    plants
+        Plants in this process; they take orders as calls.
+    on_progress
+        Told the tick and the triggers so far, now and then.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        spinner: Spinner,
+        context: Context,
+        plants: Mapping[str, PlantStation],
+        on_progress: Progress,
+    ) -> None:
+        super().__init__(plan, COORDINATOR, spinner, context)
+        self.master = TimeMaster(plan.graph, plan.windows)
+        self.farewells: dict[str, dict[str, Any]] = {}
+        self.fault = ""
+        self.loop_s = 0.0
+        self._plants = plants
+        self._on_progress = on_progress
+        self._greeted: dict[str, int] = {}
+        self._began = 0.0
+        self._told = 0.0
+        self._heard = time.monotonic()
+        self._batches = self.master.run()
+        self._orders: Sequence[Order] = ()
+        self._reports: list[Report | None] = []
+        self._awaited: dict[str, int] = {}
+        self._ahead: dict[str, int | None] = {}
+        self._go: dict[str, Publisher] = {
+            name: self.publisher(String, go_topic(name), 1) for name in plan.ordered
+        }
+        self._ledger = self.publisher(String, LEDGER, 1)
+        self._start = self.publisher(String, START, 0, latched=True)
+        self._stop = self.publisher(String, STOP, 0, latched=True)
+        self._clock = self.publisher(Clock, "/clock", 0)
+        for name in plan.graph.lookers:
+            self._hear_next(name)
+        self.subscription(String, HELLO, self._on_hello, latched=True)
+        self.subscription(String, FAULT, self._on_fault, latched=True)
+        self.subscription(String, BYE, self._on_bye, shared=True)
+
+    def idle(self) -> None:
+        """Called while nothing arrives: notices who has gone quiet.
+
+        Raises
+        ------
+        RunError
+            Naming the nodes that owe an answer.
+        """
+        if time.monotonic() - self._heard < QUIET_S:
+            return
+        if not self.started:
+            missing = [name for name in self.plan.stations if name not in self._greeted]
+            raise RunError(
+                f"node {', '.join(missing)}",
+                f"has not appeared within {QUIET_S:g} s",
+                "all nodes of the scenario, started with the same parameter file",
+                "start it, or see what it printed",
+            )
+        if self.stop is None:
+            raise RunError(
+                f"node {', '.join(self._silent())}",
+                f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {QUIET_S:g} s",
+                "an answer to every order",
+                "is its process still there? see what it printed",
+            )
+        missing = [name for name in self.plan.stations if name not in self.farewells]
+        raise RunError(f"node {', '.join(missing)}", f"has not said goodbye within {QUIET_S:g} s")
+
+    def end(self, fault: str) -> None:
+        """End the run, now that it is over or has failed; all others hear of it."""
+        self._tell()
+        self.fault = fault
+        self.loop_s = time.perf_counter() - self._began if self._began else 0.0
+        orders = {name: publisher.count.messages for name, publisher in self._go.items()}
+        content = {
+            "tick": self.master.tick, "fault": fault, "sent": self.master.sent, "orders": orders,
+        }  # fmt: skip
+        self._stop.publish(note(content))
+
+    def abort(self) -> None:
+        """Tell the recorder what is known, and everybody that it is over."""
+        if self.stop is None and self.started:
+            self.end(self.fault or "aborted")
+            self._ledger.drain(1.0)
+            self._stop.drain(1.0)
+
+    def drained(self) -> bool:
+        """Whether all other nodes have said goodbye."""
+        others = [name for name in self.plan.stations if name != COORDINATOR]
+        return all(name in self.farewells for name in others)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run has ended and all counts are in."""
+        return self.finished and not self.fault
+
+    def on_start(self) -> None:
+        """Begin: the master's first orders."""
+        self._began = self._told = time.perf_counter()
+        self._dispatch(next(self._batches))
+
+    def _hear_next(self, module: str) -> None:
+        def on_next(message: Any, sequence: int) -> None:
+            report, ahead = read_report(read_note(message))
+            self._heard = time.monotonic()
+            self._ahead[module] = ahead
+            place = self._awaited.pop(module, None)
+            if place is None:
+                raise RunError(f"node {module}", "has reported without being asked", "one report an order")
+            self._reports[place] = report
+            if not self._awaited:
+                self._proceed()
+
+        self.subscription(String, next_topic(module), on_next)
+
+    def _on_hello(self, message: Any, sequence: int) -> None:
+        hello = read_note(message)
+        name = hello["node"]
+        self._heard = time.monotonic()
+        if name not in self.plan.stations:
+            raise RunError(
+                f"node {name}", f"of scenario '{hello['scenario']}' is in this ROS domain", "only this run's nodes",
+                "give each run a domain of its own",
+            )  # fmt: skip
+        if hello["digest"] != self.plan.digest:
+            raise RunError(
+                f"node {name}",
+                f"was started with another scenario ('{hello['scenario']}', {hello['digest']})",
+                f"'{self.plan.scenario}', {self.plan.digest}",
+                "start all nodes with the file that `etac resolve` prints",
+            )
+        if self._greeted.setdefault(name, hello["pid"]) != hello["pid"]:
+            raise RunError(
+                f"node {name}", "is there twice in this ROS domain", "every node once",
+                "give each run a domain of its own",
+            )  # fmt: skip
+        if len(self._greeted) == len(self.plan.stations) and not self.started:
+            self.started = True
+            self._start.publish(note({"scenario": self.plan.scenario, "digest": self.plan.digest}))
+            self.on_start()
+
+    def _on_fault(self, message: Any, sequence: int) -> None:
+        content = read_note(message)
+        if self.stop is None and not self.fault and content["node"] != self.name:
+            raise RunError(f"node {content['node']}", content["fault"])
+
+    def _on_bye(self, message: Any, sequence: int) -> None:
+        content = read_note(message)
+        self._heard = time.monotonic()
+        self.farewells[content["node"]] = content
+        self.settle()
+
+    def _dispatch(self, orders: Sequence[Order]) -> None:
+        """Hand out a batch; go on to the next while nothing has to be waited for."""
+        while True:
+            self._orders = orders
+            opened = {order.module for order in orders if isinstance(order, Open)}
+            self._reports = [None] * len(orders)
+            for place, order in enumerate(orders):
+                report = self._known(order, opened)
+                if report is None:
+                    self._awaited[order.module] = place
+                else:
+                    self._reports[place] = report
+            for order in orders:
+                self._hand_over(order, opened)
+            if self._awaited:
+                return
+            following = self._step()
+            if following is None:
+                return
+            orders = following
+
+    def _proceed(self) -> None:
+        orders = self._step()
+        if orders is not None:
+            self._dispatch(orders)
+
+    def _step(self) -> Sequence[Order] | None:
+        if time.perf_counter() - self._told > _TELL_EVERY_S:
+            self._tell()
+        reports = [report for report in self._reports if report is not None]
+        try:
+            return self._batches.send(reports)
+        except StopIteration:
+            self.end("")
+            return None
+
+    def _known(self, order: Order, opened: set[str]) -> Report | None:
+        """The report on an order where it is known beforehand; None where it has to be waited for."""
+        graph = self.plan.graph
+        match order:
+            case Open() | Close():
+                return Report()
+            case Deliver(module) if module in graph.plants:
+                return Report()
+            case Deliver(module) if graph.modules[module].answers:
+                return Report(sent=tuple(link.name for link in graph.sends[module]))
+            case Look(module) if graph.reads.get(module) not in opened and module in self._ahead:
+                return Report(proposal=self._ahead[module])
+            case _:
+                return None
+
+    def _hand_over(self, order: Order, opened: set[str]) -> None:
+        graph = self.plan.graph
+        name = order.module
+        if name in self._plants:
+            self._plants[name].enqueue(order)
+        elif isinstance(order, Look) and (graph.reads.get(name) in opened or name not in self._awaited):
+            return  # it looks as soon as it sees the window, or has looked already
+        elif name in self._go:
+            self._go[name].publish(note(order_note(order)))
+
+    def _tell(self) -> None:
+        """Ledger for the recorder, clock for ROS tools, progress for people."""
+        self._told = time.perf_counter()
+        transits = self.master.take_ledger()
+        if transits:
+            self._ledger.publish(note(transits))
+        nanoseconds = self.master.tick * NANOSECONDS // self.plan.graph.ticks_per_second
+        self._clock.publish(Clock(clock=Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)))
+        self._on_progress(self.master.tick, self.master.fired)
+
+    def _silent(self) -> list[str]:
+        """Who owes a report; if a plant waits for a torque, the whole chain is meant."""
+        return sorted(self._awaited) or list(self.plan.modules)
+
+    def _seconds(self) -> float:
+        return self.master.tick / self.plan.graph.ticks_per_second

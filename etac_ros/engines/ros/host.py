@@ -1,0 +1,184 @@
+"""One process of a run: some stations, one loop, and a clean way out."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+
+from etac_ros.engines.ros.coordinator import QUIET_S, CoordinatorStation, Progress
+from etac_ros.engines.ros.endpoints import Spinner
+from etac_ros.engines.ros.module_station import ModuleStation, PlantStation
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.engines.ros.recorder import RecorderStation, Sink
+from etac_ros.engines.ros.station import Station
+from etac_ros.engines.ros.tally import Outcome
+from etac_ros.errors import EtacError, RunError
+
+_JOIN_WAIT_S = 0.005
+_WAIT_S = 0.05
+"""Longest wait for a message before signals and the parent process are looked at."""
+
+
+def _nothing(tick: int, fired: Any) -> None:
+    """No progress is shown."""
+
+
+class Host:
+    """Runs stations in this process until the run is over.
+
+    Parameters
+    ----------
+    plan
+        The run.
+    names
+        Full names of the nodes to play here.
+    open_sink
+        Creates the bag; needed where the recorder is played.
+    on_progress
+        Told the tick and the triggers so far, where the coordinator is played.
+    parent
+        Process whose end means the end of this one; None for a node started by hand.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        names: Sequence[str],
+        open_sink: Callable[[], Sink] | None = None,
+        on_progress: Progress = _nothing,
+        parent: int | None = None,
+    ) -> None:
+        self._plan = plan
+        self._names = names
+        self._open_sink = open_sink
+        self._on_progress = on_progress
+        self._parent = parent
+        self._told_to_end = False
+        self._stations: list[Station] = []
+        self._coordinator: CoordinatorStation | None = None
+        self._spinner: Spinner
+
+    def run(self) -> Outcome | None:
+        """Join, take part, leave.
+
+        Returns
+        -------
+        Outcome or None
+            The outcome of the run, where the coordinator is played.
+
+        Raises
+        ------
+        EtacError
+            If this node failed, or was told of another's failure.
+        """
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._on_signal)
+        began = time.perf_counter()
+        context = Context()
+        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            self._create(context)
+            try:
+                self._join()
+                joined = time.perf_counter() - began
+                self._take_part()
+            except BaseException as error:
+                self._give_up(error)
+                raise
+            return self._outcome(joined)
+        finally:
+            for station in self._stations:
+                station.node.destroy_node()
+            context.try_shutdown()
+
+    def _create(self, context: Context) -> None:
+        self._spinner = Spinner(context)
+        plants: dict[str, PlantStation] = {}
+        names = list(self._names)
+        together = self._plan.timekeeper_with
+        if together in names and COORDINATOR not in names:
+            names.append(COORDINATOR)
+        # The coordinator comes last: it talks to the plant beside it directly.
+        for name in sorted(names, key=lambda name: name == COORDINATOR):
+            if name == COORDINATOR:
+                local = plants if together else {}
+                self._coordinator = CoordinatorStation(
+                    self._plan, self._spinner, context, local, self._on_progress
+                )
+                self._stations.append(self._coordinator)
+            elif name == RECORDER:
+                assert self._open_sink is not None
+                self._stations.append(RecorderStation(self._plan, self._spinner, context, self._open_sink))
+            elif name in self._plan.graph.plants:
+                plants[name] = PlantStation(self._plan, name, self._spinner, context)
+                self._stations.append(plants[name])
+            else:
+                self._stations.append(ModuleStation(self._plan, name, self._spinner, context))
+
+    def _join(self) -> None:
+        waiting = list(self._stations)
+        deadline = time.monotonic() + QUIET_S
+        while waiting:
+            self._spinner.once(_JOIN_WAIT_S)
+            self._look_around()
+            for station in [station for station in waiting if station.matched]:
+                station.say_hello()
+                waiting.remove(station)
+            if waiting and self._parent is not None and time.monotonic() > deadline:
+                topics = ", ".join(waiting[0].missing())
+                raise RunError(f"node {waiting[0].name}", f"found no other end for {topics} within {QUIET_S:g} s")
+
+    def _take_part(self) -> None:
+        while not all(station.finished for station in self._stations):
+            if not self._spinner.once(_WAIT_S) and self._coordinator is not None:
+                self._coordinator.idle()
+            self._look_around()
+            for station in self._stations:
+                fault = (station.stop or {}).get("fault")
+                if fault and not isinstance(station, CoordinatorStation | RecorderStation):
+                    raise RunError(f"node {station.name}", f"the run was ended: {fault}")
+
+    def _look_around(self) -> None:
+        if self._told_to_end:
+            raise RunError(f"node {', '.join(self._names)}", "was told to end before the run was over")
+        if self._parent is not None and os.getppid() != self._parent:
+            raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
+
+    def _give_up(self, error: BaseException) -> None:
+        """Save what can be saved, and tell the others. Never hides the error it is called for."""
+        text = str(error) if isinstance(error, EtacError) else f"{type(error).__name__}: {error}"
+        while self._spinner.once(0.0):
+            pass  # what has already arrived belongs into the bag
+        for station in self._stations:
+            try:
+                if not self._told_to_end:
+                    station.say_fault(text)
+                if isinstance(station, CoordinatorStation):
+                    station.fault = text
+                station.abort()
+            except Exception as secondary:
+                print(f"while saving {station.name}: {secondary}", flush=True)
+
+    def _outcome(self, joined_s: float) -> Outcome | None:
+        if self._coordinator is None:
+            return None
+        master = self._coordinator.master
+        return Outcome(
+            tick=master.tick,
+            halted=master.halted,
+            fired=dict(master.fired),
+            sent=dict(master.sent),
+            farewells=dict(self._coordinator.farewells),
+            joined_s=joined_s,
+            loop_s=self._coordinator.loop_s,
+        )
+
+    def _on_signal(self, number: int, frame: Any) -> None:
+        self._told_to_end = True

@@ -1,0 +1,237 @@
+"""Starts the processes of a run, watches over them, and ends them: none is ever left behind.
+
+They are forked after everything is imported and compiled, which saves more than a second against starting each
+anew; the parent never initialises rclpy, without which a fork would not be safe.
+"""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from etac_ros.engines.ros.coordinator import Progress
+from etac_ros.engines.ros.domain import DomainLease, dds_environment
+from etac_ros.engines.ros.host import Host
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.engines.ros.recorder import Sink
+from etac_ros.engines.ros.tally import Outcome
+from etac_ros.errors import EtacError, RunError
+
+_END_S = 5.0
+"""How long a process may take to save what it has before it is killed."""
+
+
+class Processes(str, Enum):
+    """How nodes are spread over processes."""
+
+    NODE = "node"
+    NAMESPACE = "namespace"
+    ONE = "one"
+
+
+def groups(plan: Plan, processes: Processes) -> list[tuple[str, ...]]:
+    """The nodes of each process. The recorder always has one of its own, so that it outlives a failing node."""
+    together = {COORDINATOR: plan.timekeeper_with} if plan.timekeeper_with else {}
+    grouped: dict[str, list[str]] = {}
+    for name in plan.stations:
+        home = together.get(name, name)
+        if name == RECORDER or processes is Processes.NODE:
+            key = home
+        elif processes is Processes.NAMESPACE:
+            key = home.rpartition("/")[0]
+        else:
+            key = ""
+        grouped.setdefault(f"{name == RECORDER}{key}", []).append(name)
+    return [tuple(names) for names in grouped.values()]
+
+
+@dataclass
+class _Child:
+    names: tuple[str, ...]
+    process: BaseProcess
+    pipe: Connection
+    done: bool = False
+
+    @property
+    def label(self) -> str:
+        return f"node {', '.join(self.names)} (process {self.process.pid})"
+
+
+class Launcher:
+    """Runs a plan in processes of its own.
+
+    Parameters
+    ----------
+    plan
+        The run.
+    processes
+        How nodes are spread.
+    lease
+        The ROS domain.
+    open_sink
+        Creates the bag, in the recorder's process.
+    on_progress
+        Told the tick and the triggers so far.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        processes: Processes,
+        lease: DomainLease,
+        open_sink: Callable[[], Sink],
+        on_progress: Progress,
+    ) -> None:
+        self._plan = plan
+        self._groups = groups(plan, processes)
+        self._lease = lease
+        self._open_sink = open_sink
+        self._on_progress = on_progress
+        self._children: list[_Child] = []
+        self._tick = 0
+
+    @property
+    def pids(self) -> Mapping[str, int]:
+        """Process of each node, once started."""
+        return {name: child.process.pid or 0 for child in self._children for name in child.names}
+
+    def run(self) -> Outcome:
+        """Run to the end.
+
+        Raises
+        ------
+        RunError
+            If a node failed, died or was not heard of; all processes have ended by then, and the bag is closed.
+        KeyboardInterrupt
+            If the user interrupted; likewise.
+        """
+        self._start()
+        try:
+            outcome = self._watch()
+        except BaseException:
+            self._end()
+            raise
+        for child in self._children:
+            child.process.join(_END_S)
+        self._end()
+        return outcome
+
+    def _start(self) -> None:
+        os.environ.update(dds_environment(self._lease.domain))
+        sys.stdout.flush()
+        sys.stderr.flush()
+        fork = multiprocessing.get_context("fork")
+        gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
+        for names in self._groups:
+            ours, theirs = fork.Pipe(duplex=False)
+            process = fork.Process(target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid()))
+            process.daemon = True
+            process.start()
+            theirs.close()
+            self._children.append(_Child(names, process, ours))
+        gc.unfreeze()
+
+    def _watch(self) -> Outcome:
+        outcome: Outcome | None = None
+        while not all(child.done for child in self._children):
+            pending = [child for child in self._children if not child.done]
+            ready = wait([child.pipe for child in pending] + [child.process.sentinel for child in pending])
+            for child in pending:
+                if child.pipe in ready or child.process.sentinel in ready:
+                    found = self._listen(child)
+                    outcome = found or outcome
+        if outcome is None:
+            raise RunError("node " + COORDINATOR, "ended without an outcome")
+        return outcome
+
+    def _listen(self, child: _Child) -> Outcome | None:
+        outcome: Outcome | None = None
+        while child.pipe.poll():
+            try:
+                kind, content = child.pipe.recv()
+            except (EOFError, OSError):
+                break
+            if kind == "progress":
+                self._tick = content[0]
+                self._on_progress(*content)
+            elif kind == "fault":
+                raise content
+            elif kind == "outcome":
+                child.done = True
+                outcome = content
+        if not child.done and not child.process.is_alive():
+            raise RunError(
+                child.label,
+                f"{_ending(child.process.exitcode)} near simulated time {self._seconds():.6g} s",
+                "every node lives until the run is over",
+                "what had happened until then is in the bag",
+            )
+        return outcome
+
+    def _seconds(self) -> float:
+        return self._tick / self._plan.graph.ticks_per_second
+
+    def _end(self) -> None:
+        """End what still runs: the recorder last, since the others have things to tell it."""
+        recorders = [child for child in self._children if RECORDER in child.names]
+        others = [child for child in self._children if RECORDER not in child.names]
+        for group in (others, recorders):
+            for child in group:
+                if child.process.is_alive():
+                    child.process.terminate()
+            deadline = time.monotonic() + _END_S
+            for child in group:
+                child.process.join(max(0.0, deadline - time.monotonic()))
+                if child.process.is_alive():
+                    child.process.kill()
+                    child.process.join()
+        for child in self._children:
+            child.pipe.close()
+
+
+def _ending(exitcode: int | None) -> str:
+    if exitcode is not None and exitcode < 0:
+        return f"was killed by {signal.Signals(-exitcode).name}"
+    return f"ended with exit code {exitcode}"
+
+
+def _play(
+    plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int
+) -> None:
+    """What a child process does."""
+
+    def on_progress(tick: int, fired: Mapping[str, int]) -> None:
+        _tell(pipe, "progress", (tick, dict(fired)))
+
+    try:
+        outcome = Host(plan, names, open_sink, on_progress, parent).run()
+    except EtacError as error:
+        _tell(pipe, "fault", error)
+        os._exit(1)
+    except BaseException as error:
+        text = traceback.format_exc()
+        _tell(pipe, "fault", RunError(f"node {', '.join(names)}", f"{type(error).__name__}: {error}\n{text}"))
+        os._exit(1)
+    _tell(pipe, "outcome", outcome)
+    pipe.close()
+    # Not the interpreter's own way out: it would run exit handlers that belong to the parent.
+    sys.stdout.flush()
+    os._exit(0)
+
+
+def _tell(pipe: Connection, kind: str, content: Any) -> None:
+    try:
+        pipe.send((kind, content))
+    except OSError:
+        pass  # the parent is gone: nobody is left to be told

@@ -1,0 +1,236 @@
+"""The ROS node of a module: orders, windows and messages in, messages and reports out."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from rclpy.context import Context
+from std_msgs.msg import Float64MultiArray, String
+
+from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
+from etac_ros.engines.ros.messages import (
+    NANOSECONDS,
+    decode,
+    decode_window,
+    encode,
+    encode_truth,
+    encode_window,
+    message_type,
+    note,
+    read_note,
+    stamp_ns,
+)
+from etac_ros.engines.ros.notes import read_order, report_note
+from etac_ros.engines.ros.plan import Plan, go_topic, next_topic, truth_topic, window_topic
+from etac_ros.engines.ros.station import Station
+from etac_ros.modules.cell import Cell, Sent
+from etac_ros.modules.contract import Arrival
+from etac_ros.modules.graph import Link
+from etac_ros.modules.plant import PlantModule
+from etac_ros.parameters import FloatArray
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+
+_TRUTH_SAMPLES = 1024
+"""Committed samples that are worth a message: about 57 kB for a rigid body."""
+
+
+class ModuleStation(Station):
+    """A module on the network.
+
+    Parameters
+    ----------
+    plan, name, spinner, context
+        As for :class:`Station`.
+    """
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        super().__init__(plan, name, spinner, context)
+        graph = plan.graph
+        self._cell = Cell(graph, name)
+        self._inbox: dict[MessageId, FloatArray] = {}
+        self._orders: deque[Order] = deque()
+        self._incoming: dict[str, Subscription] = {}
+        self._go: Subscription | None = None
+        self._acts_on_arrival = graph.acts_on_arrival(name)
+        self._ticks_per_second = graph.ticks_per_second
+        self._outgoing: dict[str, Publisher] = {
+            link.name: self.publisher(message_type(link.wire), link.topic, plan.listeners(link))
+            for link in graph.sends[name]
+        }
+        for link in graph.hears[name]:
+            self._hear(link)
+        if plan.needs_orders(name):
+            self._go = self.subscription(String, go_topic(name), self._on_go)
+        self._next: Publisher | None = None
+        if name in graph.lookers:
+            self._next = self.publisher(String, next_topic(name), 1)
+            if name in graph.reads:
+                self.subscription(Float64MultiArray, window_topic(graph.reads[name]), self._on_window)
+
+    def enqueue(self, order: Order) -> None:
+        """Obey an order as soon as the messages that it names are here."""
+        self._orders.append(order)
+        self._work()
+
+    def drained(self) -> bool:
+        """Whether all that was sent to this node has come and been dealt with."""
+        assert self.stop is not None
+        if self.stop["fault"]:
+            return True
+        orders_due = self.stop["orders"].get(self.name, 0)
+        return (
+            not self._orders
+            and all(
+                subscription.count.messages == self.stop["sent"][link]
+                for link, subscription in self._incoming.items()
+            )
+            and (self._go is None or self._go.count.messages == orders_due)
+        )
+
+    def _hear(self, link: Link) -> None:
+        def on_message(message: Any, sequence: int) -> None:
+            self._on_message(link, message, sequence)
+
+        self._incoming[link.name] = self.subscription(message_type(link.wire), link.topic, on_message)
+
+    def _on_message(self, link: Link, message: Any, sequence: int) -> None:
+        identity = MessageId(link.name, sequence)
+        if not link.channel.loses(self.name, sequence):
+            self._inbox[identity] = decode(message)
+            if self._acts_on_arrival:
+                # It answers within the same tick, so a stamp passes through unchanged.
+                self._send(self._cell.receive(None, self._bag((identity,))), stamp_ns(message) or 0)
+            else:
+                self._work()
+        self.settle()
+
+    def _on_go(self, message: Any, sequence: int) -> None:
+        self.enqueue(read_order(read_note(message)))
+        self.settle()
+
+    def _on_window(self, message: Any, sequence: int) -> None:
+        window, grant = decode_window(message, self.plan.graph.reads[self.name])
+        self._cell.see(window)
+        self._look(window.start - 1, grant)
+
+    def _work(self) -> None:
+        while self._orders:
+            order = self._orders[0]
+            if isinstance(order, Deliver) and any(message not in self._inbox for message in order.bag):
+                return
+            self._orders.popleft()
+            self._obey(order)
+
+    def _obey(self, order: Order) -> None:
+        match order:
+            case Look(_, after, grant):
+                self._look(after, grant)
+            case Fire(_, tick):
+                self._acted(tick, self._send(self._cell.fire(tick), self._nanoseconds(tick)))
+            case Deliver(_, tick, _, bag):
+                sent = self._cell.receive(tick, self._bag(bag))
+                self._acted(tick, self._send(sent, self._nanoseconds(tick)))
+            case _:
+                raise TypeError(f"{self.name} is no plant, and cannot obey {order}")
+
+    def _look(self, after: int, grant: int) -> None:
+        proposal = self._cell.look(after)
+        if proposal is None or proposal > grant:
+            self._report(Report(proposal=proposal), after, None)
+            return
+        sent = self._send(self._cell.fire(proposal), self._nanoseconds(proposal))
+        report = Report(sent, proposal, fired=True, halt=self._cell.module.halt)
+        self._report(report, proposal, self._cell.look(proposal))
+
+    def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
+        if self._next is not None:
+            self._report(Report(sent, halt=self._cell.module.halt), tick, self._cell.look(tick))
+
+    def _report(self, report: Report, tick: int, ahead: int | None) -> None:
+        assert self._next is not None
+        self._next.publish(note(report_note(report, tick, ahead)))
+
+    def _bag(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
+        links = self.plan.graph.links
+        return tuple(
+            Arrival(links[message.link].receivers[self.name], message.link, self._inbox.pop(message))
+            for message in messages
+        )
+
+    def _send(self, sent: Sent, nanoseconds: int) -> tuple[str, ...]:
+        for link, value in sent:
+            self._outgoing[link.name].publish(encode(link.wire, value, nanoseconds))
+        return tuple(link.name for link, _ in sent)
+
+    def _nanoseconds(self, tick: int) -> int:
+        return tick * NANOSECONDS // self._ticks_per_second
+
+
+class PlantStation(ModuleStation):
+    """A plant on the emulation plane: opens windows, and publishes what is committed.
+
+    Where the coordinator lives in the same process, its orders come as calls of :meth:`enqueue`.
+    """
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        super().__init__(plan, name, spinner, context)
+        module = plan.graph.modules[name]
+        assert isinstance(module, PlantModule)
+        self._plant = module
+        self._closed = False
+        self._committed: list[FloatArray] = []
+        self._first_committed = 0
+        self._count = 0
+        readers = len(plan.graph.readers[name]) + int(plan.record_windows)
+        self._windows = self.publisher(Float64MultiArray, window_topic(name), readers)
+        self._truth = self.publisher(Float64MultiArray, truth_topic(name), 1)
+
+    def drained(self) -> bool:
+        """Whether the last order has been obeyed."""
+        assert self.stop is not None
+        return bool(self.stop["fault"]) or (self._closed and super().drained())
+
+    def leave(self) -> None:
+        """Publish the rest of what is committed, then leave."""
+        self.publish_truth()
+        super().leave()
+
+    def abort(self) -> None:
+        """Publish the rest of what is committed."""
+        self.publish_truth()
+        self._truth.drain(1.0)
+
+    def _obey(self, order: Order) -> None:
+        match order:
+            case Open(_, tick, length, grant):
+                self._commit(tick)
+                self._windows.publish(encode_window(self._plant.open(length), grant))
+            case Close(_, tick):
+                self._commit(tick)
+                self.publish_truth()
+                self._closed = True
+                self.settle()
+            case Deliver(_, tick, _, bag):
+                self._plant.receive(tick, self._bag(bag), None)
+            case _:
+                raise TypeError(f"{self.name} is a plant, and cannot obey {order}")
+
+    def _commit(self, tick: int) -> None:
+        start, samples = self._plant.commit(tick)
+        if not samples.shape[0]:
+            return
+        if not self._committed:
+            self._first_committed = start
+        self._committed.append(samples)
+        self._count += samples.shape[0]
+        if self._count >= _TRUTH_SAMPLES:
+            self.publish_truth()
+
+    def publish_truth(self) -> None:
+        """Publish what has been committed since the last time."""
+        if self._committed:
+            self._truth.publish(encode_truth(self._first_committed, np.concatenate(self._committed)))
+            self._committed.clear()
+            self._count = 0

@@ -1,0 +1,42 @@
+"""Orders and reports as protocol notes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+
+_ORDERS: dict[str, type[Open | Look | Fire | Deliver | Close]] = {
+    "open": Open,
+    "look": Look,
+    "fire": Fire,
+    "deliver": Deliver,
+    "close": Close,
+}
+_NAMES = {kind: name for name, kind in _ORDERS.items()}
+
+
+def order_note(order: Order) -> dict[str, Any]:
+    """An order as a mapping with the key ``do``."""
+    return {"do": _NAMES[type(order)], **asdict(order)}
+
+
+def read_order(content: dict[str, Any]) -> Order:
+    """The order in a note."""
+    values = dict(content)
+    kind = _ORDERS[values.pop("do")]
+    if "bag" in values:
+        values["bag"] = tuple(MessageId(link, sequence) for link, sequence in values["bag"])
+    return kind(**values)
+
+
+def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
+    """A report. ``ahead`` is the module's next own act after what it did, looked up unasked."""
+    return {**asdict(report), "tick": tick, "ahead": ahead}
+
+
+def read_report(content: dict[str, Any]) -> tuple[Report, int | None]:
+    """The report in a note, and what the module saw ahead."""
+    report = Report(tuple(content["sent"]), content["proposal"], content["fired"], content["halt"])
+    return report, content["ahead"]

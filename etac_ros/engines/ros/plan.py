@@ -1,0 +1,98 @@
+"""What every process of a run knows beforehand: the graph, the names of topics, and who listens to what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from etac_ros.modules.graph import Graph, Link
+from etac_ros.timing.windows import WindowPolicy
+
+COORDINATOR = "/coordinator"
+RECORDER = "/recorder"
+
+_PLANE = "/emulation"
+HELLO = f"{_PLANE}/hello"
+START = f"{_PLANE}/start"
+STOP = f"{_PLANE}/stop"
+BYE = f"{_PLANE}/bye"
+FAULT = f"{_PLANE}/fault"
+LEDGER = f"{_PLANE}/ledger"
+
+
+def window_topic(plant: str) -> str:
+    """Samples ahead, from a plant to its readers."""
+    return f"{_PLANE}{plant}/window"
+
+
+def truth_topic(plant: str) -> str:
+    """Committed samples, from a plant to the recorder."""
+    return f"{_PLANE}{plant}/truth"
+
+
+def next_topic(module: str) -> str:
+    """Reports of a module to the coordinator."""
+    return f"{_PLANE}{module}/next"
+
+
+def go_topic(module: str) -> str:
+    """Orders of the coordinator to a module."""
+    return f"{_PLANE}{module}/go"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The distribution of one run.
+
+    Attributes
+    ----------
+    scenario, digest
+        Name of the scenario, and what all processes have to agree on.
+    graph
+        The modules; each process drives only its own.
+    windows
+        How far plants compute ahead.
+    record_windows
+        Whether the bag also gets windows; they are not committed, so only for looking at the protocol.
+    """
+
+    scenario: str
+    digest: str
+    graph: Graph
+    windows: WindowPolicy
+    record_windows: bool = False
+
+    @cached_property
+    def modules(self) -> tuple[str, ...]:
+        """The modules that etac_ros plays itself."""
+        return tuple(name for name in self.graph.modules if name not in self.graph.external)
+
+    @cached_property
+    def stations(self) -> tuple[str, ...]:
+        """All nodes that say hello."""
+        return (*self.modules, COORDINATOR, RECORDER)
+
+    @cached_property
+    def timekeeper_with(self) -> str | None:
+        """The plant in whose process the coordinator lives; None gives it a process of its own."""
+        return self.graph.plants[0] if len(self.graph.plants) == 1 else None
+
+    @cached_property
+    def remote_plants(self) -> tuple[str, ...]:
+        """Plants that get their orders as messages."""
+        return () if self.timekeeper_with else self.graph.plants
+
+    @cached_property
+    def ordered(self) -> tuple[str, ...]:
+        """Modules that get orders as messages."""
+        return tuple(name for name in self.modules if self.needs_orders(name))
+
+    def needs_orders(self, module: str) -> bool:
+        """Whether a module waits for orders; the others act on arrival, or live with the coordinator."""
+        if module in self.graph.plants:
+            return module in self.remote_plants
+        return not self.graph.acts_on_arrival(module)
+
+    def listeners(self, link: Link) -> int:
+        """Subscriptions of a link's topic: its receivers and the recorder."""
+        return len(link.receivers) + 1

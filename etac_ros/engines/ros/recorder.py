@@ -1,0 +1,171 @@
+"""The recorder: takes every message off the wire as bytes, learns its place in time from the ledger, keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from rclpy.context import Context
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Float64MultiArray, String
+
+from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
+from etac_ros.engines.ros.messages import NANOSECONDS, decode_truth, decode_window, message_type, read_note
+from etac_ros.engines.ros.plan import BYE, LEDGER, RECORDER, Plan, truth_topic, window_topic
+from etac_ros.engines.ros.station import Station
+from etac_ros.modules.graph import Link
+
+
+class Sink(Protocol):
+    """Where the recorder puts messages: a bag."""
+
+    def write(
+        self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int
+    ) -> None:
+        """Keep one message."""
+        ...
+
+    def close(self) -> None:
+        """Complete the bag."""
+        ...
+
+
+class RecorderStation(Station):
+    """The node that records.
+
+    Parameters
+    ----------
+    plan, spinner, context
+        As for :class:`Station`.
+    open_sink
+        Creates the bag; called once, when the run begins.
+    """
+
+    def __init__(
+        self, plan: Plan, spinner: Spinner, context: Context, open_sink: Callable[[], Sink]
+    ) -> None:
+        super().__init__(plan, RECORDER, spinner, context)
+        self._open_sink = open_sink
+        self._sink: Sink | None = None
+        self._received: dict[str, Subscription] = {}
+        self._waiting: dict[tuple[str, int], bytes] = {}
+        self._places: dict[tuple[str, int], tuple[int, int]] = {}
+        self._written: dict[str, Count] = {}
+        self._farewells: dict[str, dict[str, Any]] = {}
+        self._tick = 0
+        for link in plan.graph.links.values():
+            self._hear(link)
+        for plant in plan.graph.plants:
+            self._record_truth(truth_topic(plant))
+            if plan.record_windows:
+                self._record_windows(window_topic(plant))
+        self.subscription(String, LEDGER, self._on_ledger)
+        self.subscription(String, BYE, self._on_bye, shared=True)
+
+    def on_start(self) -> None:
+        """Create the bag."""
+        self._sink = self._open_sink()
+
+    def drained(self) -> bool:
+        """Whether every message that others say they sent is in the bag."""
+        assert self.stop is not None
+        if self.stop["fault"]:
+            return False  # the process's end closes the bag: who can tell what still comes?
+        others = [name for name in self.plan.modules if name not in self._farewells]
+        if others:
+            return False
+        sent = {
+            link.topic: self.stop["sent"][link.name] for link in self.plan.graph.links.values()
+        }
+        for farewell in self._farewells.values():
+            for topic, (messages, _) in farewell["sent"].items():
+                if topic in self._received:
+                    sent[topic] = messages
+        return not self._waiting and all(
+            self._received[topic].count.messages >= messages for topic, messages in sent.items()
+        )
+
+    def leave(self) -> None:
+        """Close the bag, then say what is in it."""
+        self.close()
+        super().leave()
+
+    def farewell(self) -> dict[str, Any]:
+        """Counts of what was received and of what was written."""
+        return {
+            **super().farewell(),
+            "received": {
+                topic: [subscription.count.messages, subscription.count.cdr_bytes]
+                for topic, subscription in self._received.items()
+            },
+            "written": {topic: [count.messages, count.cdr_bytes] for topic, count in self._written.items()},
+        }
+
+    def abort(self) -> None:
+        """Keep what is there: messages whose tick nobody told any more go to the last tick that is known."""
+        self.close()
+
+    def close(self) -> None:
+        """Write what waits and complete the bag."""
+        if self._sink is None:
+            return
+        for (name, sequence), data in sorted(self._waiting.items()):
+            self._write(self.plan.graph.links[name].topic, data, self._tick, 0, sequence)
+        self._waiting.clear()
+        self._sink.close()
+        self._sink = None
+
+    def _hear(self, link: Link) -> None:
+        def on_message(data: bytes, sequence: int) -> None:
+            self._waiting[link.name, sequence] = data
+            self._sort_in(link.name, sequence)
+            self.settle()
+
+        self._received[link.topic] = self.subscription(
+            message_type(link.wire), link.topic, on_message, raw=True
+        )
+
+    def _record_truth(self, topic: str) -> None:
+        def on_message(data: bytes, sequence: int) -> None:
+            first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
+            last = first + samples.shape[0] - 1
+            self._tick = max(self._tick, last)
+            self._write(topic, data, last, 0, sequence)
+            self.settle()
+
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+
+    def _record_windows(self, topic: str) -> None:
+        def on_message(data: bytes, sequence: int) -> None:
+            window, _ = decode_window(deserialize_message(data, Float64MultiArray), topic)
+            self._write(topic, data, window.start, 0, sequence)
+            self.settle()
+
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+
+    def _on_ledger(self, message: Any, sequence: int) -> None:
+        for name, number, tick, step in read_note(message):
+            self._places[name, number] = (tick, step)
+            self._tick = max(self._tick, tick)
+            self._sort_in(name, number)
+        self.settle()
+
+    def _sort_in(self, name: str, number: int) -> None:
+        """Write a message once both it and its place in time are here."""
+        key = (name, number)
+        if key in self._waiting and key in self._places:
+            tick, step = self._places.pop(key)
+            self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
+
+    def _on_bye(self, message: Any, sequence: int) -> None:
+        content = read_note(message)
+        self._farewells[content["node"]] = content
+        self.settle()
+
+    def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:
+        assert self._sink is not None
+        log_time = tick * NANOSECONDS // self.plan.graph.ticks_per_second
+        self._sink.write(topic, data, log_time, log_time + step, sequence)
+        count = self._written.setdefault(topic, Count())
+        count.messages += 1
+        count.cdr_bytes += len(data)

@@ -1,0 +1,154 @@
+"""What all nodes of a run have in common: they join, they begin together, they drain, they leave."""
+
+from __future__ import annotations
+
+import os
+import resource
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
+from etac_ros.engines.ros.messages import note, read_note
+from etac_ros.engines.ros.plan import BYE, FAULT, HELLO, START, STOP, Plan
+from etac_ros.errors import RunError
+
+DRAIN_SECONDS = 5.0
+"""How long a leaving node waits for acknowledgements before it says that something is wrong."""
+
+
+class Station:
+    """One ROS node of a run.
+
+    Parameters
+    ----------
+    plan
+        The run.
+    name
+        Full node name.
+    spinner
+        The loop of the process.
+    context
+        The initialised rclpy context.
+    """
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        self.plan = plan
+        self.name = name
+        self.started = False
+        self.finished = False
+        self.stop: dict[str, Any] | None = None
+        namespace, _, base = name.rpartition("/")
+        self.node = Node(
+            base,
+            namespace=namespace or "/",
+            context=context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._spinner = spinner
+        self._publishers: list[Publisher] = []
+        self._subscriptions: list[Subscription] = []
+        self._hello = self.publisher(String, HELLO, 0, latched=True)
+        self._fault = self.publisher(String, FAULT, 0, latched=True)
+        self._bye = self.publisher(String, BYE, 2)
+        self.subscription(String, START, self._on_start, latched=True)
+        self.subscription(String, STOP, self._on_stop, latched=True)
+
+    def publisher(self, kind: type, topic: str, listeners: int, latched: bool = False) -> Publisher:
+        """A counting publisher of this node."""
+        publisher = Publisher(self.node, kind, topic, listeners, latched)
+        self._publishers.append(publisher)
+        return publisher
+
+    def subscription(
+        self,
+        kind: type,
+        topic: str,
+        callback: Callback,
+        raw: bool = False,
+        latched: bool = False,
+        shared: bool = False,
+    ) -> Subscription:
+        """A subscription of this node, served by the process's loop."""
+        subscription = Subscription(self.node, kind, topic, callback, raw, latched, shared)
+        self._subscriptions.append(subscription)
+        self._spinner.add(subscription)
+        return subscription
+
+    @property
+    def matched(self) -> bool:
+        """Whether all publishers have their listeners and all subscriptions have a publisher."""
+        return all(publisher.matched for publisher in self._publishers) and all(
+            subscription.matched for subscription in self._subscriptions
+        )
+
+    def missing(self) -> list[str]:
+        """Topics whose other end is not there."""
+        ends = [*self._publishers, *self._subscriptions]
+        return sorted({end.topic for end in ends if not end.matched})
+
+    def say_hello(self) -> None:
+        """Tell the coordinator that this node is ready."""
+        self._hello.publish(
+            note({"node": self.name, "scenario": self.plan.scenario, "digest": self.plan.digest, "pid": os.getpid()})
+        )
+
+    def say_fault(self, text: str) -> None:
+        """Tell the coordinator that this node has failed."""
+        self._fault.publish(note({"node": self.name, "fault": text}))
+        self._fault.drain(1.0)
+
+    def settle(self) -> None:
+        """Leave if the run has ended and everything has arrived. Called whenever something may have changed."""
+        if self.stop is not None and not self.finished and self.drained():
+            self.leave()
+
+    def drained(self) -> bool:
+        """Whether nothing more will come, after a stop."""
+        return True
+
+    def leave(self) -> None:
+        """Say goodbye with the counts of all topics, and be finished."""
+        for publisher in self._publishers:
+            if publisher.listeners and not publisher.drain(DRAIN_SECONDS):
+                raise RunError(
+                    f"node {self.name}",
+                    f"its messages on {publisher.topic} were not acknowledged for {DRAIN_SECONDS:g} s",
+                    "every receiver takes every message",
+                    "is one of the receivers hanging?",
+                )
+        self._bye.publish(note(self.farewell()))
+        self._bye.drain(DRAIN_SECONDS)
+        self.finished = True
+
+    def farewell(self) -> dict[str, Any]:
+        """What the last note of this node says."""
+        return {
+            "node": self.name,
+            "pid": os.getpid(),
+            "memory_kib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+            "sent": {
+                publisher.topic: [publisher.count.messages, publisher.count.cdr_bytes]
+                for publisher in self._publishers
+                if publisher.count.messages
+            },
+        }
+
+    def abort(self) -> None:
+        """Save what can be saved: the process is told to end before the run has."""
+
+    def on_start(self) -> None:
+        """The run begins."""
+
+    def _on_start(self, message: Any, sequence: int) -> None:
+        if not self.started:
+            self.started = True
+            self.on_start()
+
+    def _on_stop(self, message: Any, sequence: int) -> None:
+        if self.stop is None:
+            self.stop = read_note(message)
+            self.settle()

@@ -1,0 +1,80 @@
+"""Sent, received and recorded have to be the same number on every topic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from etac_ros.engines.ros.plan import RECORDER, Plan
+from etac_ros.errors import CountMismatch
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the coordinator knows when all nodes have said goodbye.
+
+    Attributes
+    ----------
+    tick
+        Where the run ended.
+    halted
+        Why a watch ended it; empty for a run to its end.
+    fired, sent
+        Triggers a module and messages a link, as the time master counted them.
+    farewells
+        Last notes of all nodes: their counts a topic (messages, CDR bytes), process and memory.
+    joined_s, loop_s
+        Wall time of joining, and from the first window to the last report [s].
+    """
+
+    tick: int
+    halted: str
+    fired: Mapping[str, int]
+    sent: Mapping[str, int]
+    farewells: Mapping[str, Mapping[str, Any]]
+    joined_s: float
+    loop_s: float
+
+    def sent_by_topic(self) -> dict[str, tuple[int, int]]:
+        """Messages and CDR bytes that the publishers of each topic counted."""
+        totals: dict[str, tuple[int, int]] = {}
+        for farewell in self.farewells.values():
+            for topic, (messages, size) in farewell["sent"].items():
+                before = totals.get(topic, (0, 0))
+                totals[topic] = (before[0] + messages, before[1] + size)
+        return totals
+
+    def memory_kib(self) -> dict[str, int]:
+        """Peak memory of the process of each node."""
+        return {name: int(farewell["memory_kib"]) for name, farewell in self.farewells.items()}
+
+
+def check_counts(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> None:
+    """Compare four independent counts of every recorded topic.
+
+    Parameters
+    ----------
+    plan, outcome
+        The run and what its nodes said.
+    in_bag
+        Messages a topic in the finished bag, as the bag itself says.
+
+    Raises
+    ------
+    CountMismatch
+        Naming the topic and all counts, if any two differ.
+    """
+    sent = {topic: messages for topic, (messages, _) in outcome.sent_by_topic().items()}
+    received = outcome.farewells[RECORDER]["received"]
+    mastered = {link.topic: outcome.sent[link.name] for link in plan.graph.links.values()}
+    foreign = {link.topic for link in plan.graph.links.values() if link.sender in plan.graph.external}
+    for topic, (messages, _) in received.items():
+        counts = {"received by the recorder": messages, "in the bag": in_bag.get(topic, 0)}
+        if topic not in foreign:
+            counts["sent by the publisher"] = sent.get(topic, 0)
+        if topic in mastered:
+            counts["known to the coordinator"] = mastered[topic]
+        if len(set(counts.values())) > 1:
+            found = ", ".join(f"{count} {who}" for who, count in counts.items())
+            raise CountMismatch(f"topic {topic}", found, "the same number everywhere")

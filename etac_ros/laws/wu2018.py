@@ -1,0 +1,73 @@
+"""Event-triggered attitude stabilisation of wu2018: ``s = omega + beta q_v`` and ``u = -k s(t_i)``."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from etac_ros.maths.compiled import kernel
+from etac_ros.parameters import FloatArray, Parameters
+
+
+@kernel
+def _filtered_error(states, beta):  # type: ignore[no-untyped-def]
+    out = np.empty((states.shape[0], 3))
+    for i in range(states.shape[0]):
+        for j in range(3):
+            out[i, j] = states[i, 4 + j] + beta * states[i, 1 + j]
+    return out
+
+
+class FilteredErrorParameters(Parameters):
+    """Parameters of :class:`FilteredError`."""
+
+    beta: PositiveFloat
+
+
+class FilteredError:
+    """Filtered error ``s = omega + beta q_v`` [rad/s] of a quaternion plant (wu2018 eq. 5).
+
+    Parameters
+    ----------
+    parameters
+        ``beta`` [1/s].
+    """
+
+    Parameters = FilteredErrorParameters
+    size = 3
+    label = "s"
+
+    def __init__(self, parameters: FilteredErrorParameters, ticks_per_second: int) -> None:
+        self._beta = parameters.beta
+
+    def evaluate(self, states: FloatArray) -> FloatArray:
+        """``s`` of each state ``[q (4), omega (3)]``, shape (n, 3)."""
+        result: FloatArray = _filtered_error(states, self._beta)
+        return result
+
+
+class ProportionalParameters(Parameters):
+    """Parameters of :class:`Proportional`."""
+
+    k: PositiveFloat
+
+
+class Proportional:
+    """Control law ``u = -k s`` (wu2018 eq. 6).
+
+    Parameters
+    ----------
+    parameters
+        Gain ``k`` [N m s].
+    """
+
+    Parameters = ProportionalParameters
+    signal_size = 3
+    command_size = 3
+
+    def __init__(self, parameters: ProportionalParameters, ticks_per_second: int) -> None:
+        self._k = parameters.k
+
+    def command(self, signal: FloatArray) -> FloatArray:
+        """Torque [N m] for a received ``s`` [rad/s]."""
+        return -self._k * signal

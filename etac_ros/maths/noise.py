@@ -1,0 +1,51 @@
+"""Random numbers that belong to a tick: the same draws whatever the windows were.
+
+A counter-based generator (Philox 4x64) is keyed by (seed, stream) and positioned by the tick. Every tick owns
+a fixed number of raw words, turned into normal deviates by the inverse distribution; a sampler that rejects
+would take a varying number and lose the random access.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from scipy.special import ndtri
+
+from etac_ros.parameters import FloatArray
+
+_WORDS_A_BLOCK = 4
+
+
+def stream_key(seed: int, stream: str) -> int:
+    """128-bit Philox key of a named stream (for instance a sensor's full name) under a seed."""
+    return int.from_bytes(hashlib.sha256(f"{seed}/{stream}".encode()).digest()[:16], "little")
+
+
+def uniforms(key: int, index: int, count: int, width: int) -> FloatArray:
+    """Uniform deviates in (0, 1) of consecutive indices.
+
+    Parameters
+    ----------
+    key
+        From :func:`stream_key`.
+    index
+        First index: a tick, or a message's sequence number.
+    count
+        Number of consecutive indices.
+    width
+        Deviates per index.
+
+    Returns
+    -------
+    ndarray, shape (count, width)
+    """
+    blocks = -(-width // _WORDS_A_BLOCK)
+    generator = np.random.Philox(key=key, counter=index * blocks)
+    words = generator.random_raw(count * blocks * _WORDS_A_BLOCK).reshape(count, blocks * _WORDS_A_BLOCK)
+    return ((words[:, :width] >> np.uint64(11)) + 0.5) * 2.0**-53  # type: ignore[no-any-return]
+
+
+def normals(key: int, tick: int, count: int, width: int) -> FloatArray:
+    """Standard normal deviates of ``count`` ticks from ``tick`` on, shape (count, width)."""
+    return np.ascontiguousarray(ndtri(uniforms(key, tick, count, width)))

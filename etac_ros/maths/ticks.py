@@ -1,0 +1,47 @@
+"""Ticks and seconds: the one place where they meet."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from etac_ros.maths.compiled import inlined
+
+
+@inlined
+def seconds(tick, ticks_per_second):  # type: ignore[no-untyped-def]  # compiled for scalars and arrays alike
+    """Simulated time of a tick [s]; correctly rounded, so the same bits everywhere.
+
+    Parameters
+    ----------
+    tick
+        Integer tick, or an integer array of ticks.
+    ticks_per_second
+        Integer rate of the trigger grid [1/s].
+    """
+    return tick / ticks_per_second
+
+
+def whole_ticks(duration_s: float, ticks_per_second: int) -> int:
+    """The number of ticks in a duration, which must be a whole one.
+
+    Parameters
+    ----------
+    duration_s
+        A duration [s]. Its shortest decimal form is what counts, so 0.05 s on a 20 Hz grid is one tick.
+    ticks_per_second
+        Rate of the grid [1/s].
+
+    Raises
+    ------
+    ValueError
+        If the duration is no whole number of ticks: nothing is rounded.
+    """
+    ticks = Fraction(repr(float(duration_s))) * ticks_per_second
+    if ticks.denominator != 1:
+        below = int(ticks) / ticks_per_second
+        above = (int(ticks) + 1) / ticks_per_second
+        raise ValueError(
+            f"{duration_s} s is no whole number of ticks of 1/{ticks_per_second} s; "
+            f"the nearest are {below:.9g} s and {above:.9g} s"
+        )
+    return int(ticks)

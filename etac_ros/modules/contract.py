@@ -1,0 +1,129 @@
+"""The contract between a module and the time protocol (``docs/timing.md``).
+
+A module is an atomic model on integer ticks: it says at which tick it acts next by itself, it acts, and it takes
+what arrives. Everything else - windows, steps, sequence numbers, DDS - is done for it, in both engines alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import Plant
+
+Outputs = Mapping[str, FloatArray]
+"""What a module sends: a value for an output port. A port that is left out sends nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Samples that a plant has computed ahead under its held input, at ticks ``start .. last``."""
+
+    plant: str
+    epoch: int
+    start: int
+    samples: FloatArray
+
+    @property
+    def last(self) -> int:
+        """Tick of the last sample."""
+        return self.start + self.samples.shape[0] - 1
+
+    def at(self, tick: int) -> FloatArray:
+        """The sample at a tick."""
+        return self.samples[tick - self.start]  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """One message as its receiver sees it."""
+
+    port: str
+    link: str
+    value: FloatArray
+
+
+Bag = tuple[Arrival, ...]
+"""All that arrives at a module in one step, in a fixed order (link, then sequence number)."""
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a module is told of its surroundings when it is built."""
+
+    name: str
+    ticks_per_second: int
+    seed: int
+    plant: Plant | None = None
+    formats: Mapping[str, WireFormat] = field(default_factory=dict)
+    """Wire format of each connected output port; where none is named, values pass unrounded."""
+
+
+class Module:
+    """An atomic model on integer ticks. Subclasses override what they need.
+
+    A module class is built as ``Class(context, parameters, **components)``: ``parameters`` is an instance of its own
+    ``Parameters``, and every name in ``components`` is a key of the scenario that holds an object of a class of its
+    own, built as ``ComponentClass(parameters, ticks_per_second)``.
+
+    Attributes
+    ----------
+    inputs, outputs
+        Ports and their sizes, known once the module is built.
+    answers
+        True for a module that answers each bag at once with exactly one message on each connected output, whatever
+        the tick, and never acts by itself. Such a module need not report, and a foreign node that merely receives
+        and publishes is one.
+    triggers
+        True where the module's own acts are the triggering instants that a run counts.
+    """
+
+    Parameters: ClassVar[type[Parameters]] = Parameters
+    components: ClassVar[tuple[str, ...]] = ()
+    answers: ClassVar[bool] = False
+    triggers: ClassVar[bool] = False
+
+    inputs: dict[str, int]
+    outputs: dict[str, int]
+    halt: str = ""
+    """Set by a watch, while it acts, to end the run at this tick: what was found, in words."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.inputs = {}
+        self.outputs = {}
+
+    def wire(self, port: str) -> Wire:
+        """Wire of an output port; a value must be rounded by it before it is used on either side."""
+        return Wire(self.context.formats.get(port, WireFormat.EXACT), self.outputs[port])
+
+    def scan(self, window: Window | None, after: int) -> int | None:
+        """First tick after ``after`` at which the module acts by itself. Pure: looking changes nothing.
+
+        Parameters
+        ----------
+        window
+            Samples of the plant that the module reads; None if it reads none. They are not committed yet.
+        after
+            Only later ticks count.
+
+        Returns
+        -------
+        int or None
+            None if it stays quiet up to the window's end (or, without a plant, for good).
+        """
+        return None
+
+    def advance(self, tick: int, window: Window) -> None:
+        """Commit memory up to and including ``tick``; samples up to there are final."""
+
+    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
+        """Act by itself at a tick that :meth:`scan` has named."""
+        raise NotImplementedError(f"{type(self).__name__} names ticks in scan() but has no fire()")
+
+    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+        """Take all that arrives in one step. ``tick`` is None for a module that answers."""
+        return {}

@@ -1,0 +1,115 @@
+"""The graph of a scenario: which modules there are and which links join them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+from etac_ros.modules.channel import Channel
+from etac_ros.modules.contract import Module
+from etac_ros.modules.plant import PlantModule
+from etac_ros.modules.wire import Wire, WireFormat
+
+
+class LinkKind(str, Enum):
+    """What a link is in hardware, and so where its messages are counted."""
+
+    NETWORK = "network"
+    """Crosses the network between modules: what the papers count."""
+    INTERNAL = "internal"
+    """A wire inside one module carrier."""
+    PHYSICAL = "physical"
+    """Light, current or torque: carried by the emulation plane, never added to the network figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """One sender's port, one topic, any number of receivers."""
+
+    name: str
+    topic: str
+    kind: LinkKind
+    sender: str
+    port: str
+    receivers: Mapping[str, str]
+    """Receiving module to its input port."""
+    wire: Wire
+    channel: Channel
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Modules and links in a fixed order; the order of every sum and every bag comes from here.
+
+    Attributes
+    ----------
+    modules
+        Built modules by full name, in the order of the scenario file.
+    reads
+        The plant whose samples a module sees.
+    links
+        Links by name.
+    external
+        Modules that a foreign node plays: etac_ros never starts them.
+    ticks_per_second, end_tick
+        The tick grid and the first tick that is not acted on.
+    """
+
+    modules: Mapping[str, Module]
+    reads: Mapping[str, str]
+    links: Mapping[str, Link]
+    ticks_per_second: int
+    end_tick: int
+    external: frozenset[str] = frozenset()
+
+    @cached_property
+    def plants(self) -> tuple[str, ...]:
+        """Names of the plants."""
+        return tuple(name for name, module in self.modules.items() if isinstance(module, PlantModule))
+
+    @cached_property
+    def lookers(self) -> tuple[str, ...]:
+        """Names of the modules that can act by themselves: all but plants and those that only answer."""
+        return tuple(
+            name
+            for name, module in self.modules.items()
+            if not module.answers and not isinstance(module, PlantModule)
+        )
+
+    @cached_property
+    def readers(self) -> Mapping[str, tuple[str, ...]]:
+        """The modules that see each plant's windows."""
+        return {
+            plant: tuple(name for name in self.lookers if self.reads.get(name) == plant)
+            for plant in self.plants
+        }
+
+    @cached_property
+    def sends(self) -> Mapping[str, tuple[Link, ...]]:
+        """Outgoing links of each module."""
+        return {
+            name: tuple(link for link in self.links.values() if link.sender == name) for name in self.modules
+        }
+
+    @cached_property
+    def hears(self) -> Mapping[str, tuple[Link, ...]]:
+        """Incoming links of each module."""
+        return {
+            name: tuple(link for link in self.links.values() if name in link.receivers)
+            for name in self.modules
+        }
+
+    def acts_on_arrival(self, module: str) -> bool:
+        """Whether a message alone tells the module all it needs, so that it waits for no order.
+
+        It answers, it has one undelayed input, so a message is a whole bag; and where it has to stamp its answers,
+        the time stands in the message.
+        """
+        incoming = self.hears[module]
+        if not self.modules[module].answers or len(incoming) != 1:
+            return False
+        stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
+        link = incoming[0]
+        return link.channel.delay_ticks == 0 and (not stamps or link.wire.format is WireFormat.STAMPED)

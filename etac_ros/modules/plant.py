@@ -1,0 +1,85 @@
+"""The plant simulator: committed state, held inputs, and windows of samples computed ahead."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import Plant
+
+
+class PlantModuleParameters(Parameters):
+    """A plant module has no parameters beside its dynamics'."""
+
+
+class PlantModule(Module):
+    """Simulates one plant. The only module that offers windows instead of looking at them.
+
+    Parameters
+    ----------
+    context
+        Name and grid.
+    parameters
+        None: they are the dynamics'.
+    dynamics
+        The plant.
+    """
+
+    Parameters = PlantModuleParameters
+    components = ("dynamics",)
+
+    def __init__(self, context: Context, parameters: PlantModuleParameters, dynamics: Plant) -> None:
+        super().__init__(context)
+        plant = self.plant = dynamics
+        self.inputs = dict(plant.inputs)
+        self._places: dict[str, slice] = {}
+        offset = 0
+        for port, size in plant.inputs.items():
+            self._places[port] = slice(offset, offset + size)
+            offset += size
+        self.held: FloatArray = np.zeros(offset)
+        self.state = plant.initial_state()
+        self.tick = 0
+        self._epoch = 0
+        self._window: Window | None = None
+
+    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+        """Hold new inputs; they act from this tick on. Several values for one input add up, in link order."""
+        held = self.held.copy()
+        for port in {arrival.port for arrival in bag}:
+            values = [arrival.value for arrival in bag if arrival.port == port]
+            total = values[0]
+            for value in values[1:]:
+                total = total + value
+            held[self._places[port]] = total
+        self.held = held
+        return {}
+
+    def commit(self, tick: int) -> tuple[int, FloatArray]:
+        """Make the samples up to ``tick`` final.
+
+        Returns
+        -------
+        int, ndarray
+            Tick of the first newly committed sample, and the samples, shape (n, states).
+        """
+        window = self._window
+        if window is None or tick < window.start:
+            return tick + 1, np.empty((0, self.state.size))
+        fresh = window.samples[: tick - window.start + 1]
+        self.state = fresh[-1].copy()
+        self.tick = tick
+        self._window = None
+        return window.start, fresh
+
+    def open(self, length: int) -> Window:
+        """Compute the samples that follow the committed state; the first window starts with tick 0 itself."""
+        samples = self.plant.propagate(self.state, self.tick, length, self.held)
+        start = self.tick + 1
+        if self._epoch == 0:
+            samples = np.concatenate([self.state[np.newaxis, :], samples])
+            start = 0
+        self._epoch += 1
+        self._window = Window(self.context.name, self._epoch, start, samples)
+        return self._window

@@ -1,0 +1,139 @@
+"""The sensor module: measures its plant, forms the signal, and transmits it when its trigger rule says so."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from etac_ros.laws.law import Signal
+from etac_ros.maths.compiled import kernel
+from etac_ros.maths.noise import normals, stream_key
+from etac_ros.modules.contract import Context, Module, Outputs, Window
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.rule import TriggerRule
+
+
+class NoiseEnters(str, Enum):
+    """Where measurement noise enters the loop."""
+
+    NOWHERE = "nowhere"
+    TRIGGER = "trigger"
+    TRANSMITTED = "transmitted"
+    BOTH = "both"
+
+
+class Noise(Parameters):
+    """Gaussian measurement noise, white on the tick grid."""
+
+    enters: NoiseEnters = NoiseEnters.NOWHERE
+    attitude_deg: float = Field(default=0.0, ge=0.0, description="1 sigma a body axis")
+    rate_deg_s: float = Field(default=0.0, ge=0.0, description="1 sigma a body axis")
+
+
+class SensorParameters(Parameters):
+    """Parameters of :class:`Sensor` beside its signal and its trigger rule."""
+
+    noise: Noise = Noise()
+    low_pass_s: float = Field(default=0.0, ge=0.0, description="time constant on the measured signal; 0 is none")
+
+
+@kernel
+def _low_passed(signals, memory, gain):  # type: ignore[no-untyped-def]
+    out = np.empty_like(signals)
+    last = memory.copy()
+    for i in range(signals.shape[0]):
+        for j in range(signals.shape[1]):
+            last[j] += gain * (signals[i, j] - last[j])
+            out[i, j] = last[j]
+    return out
+
+
+class Sensor(Module):
+    """Measures, triggers, transmits.
+
+    Parameters
+    ----------
+    context
+        Its plant and the wire format of the port ``signal``.
+    parameters
+        Noise and low-pass filter.
+    signal
+        What is formed from the measurement.
+    trigger
+        When it is transmitted; the first sample always is.
+    """
+
+    Parameters = SensorParameters
+    components = ("signal", "trigger")
+    triggers = True
+
+    def __init__(
+        self, context: Context, parameters: SensorParameters, signal: Signal, trigger: TriggerRule
+    ) -> None:
+        super().__init__(context)
+        if context.plant is None:
+            raise ValueError("a sensor needs a plant to read")
+        self.outputs = {"signal": signal.size}
+        self.signal = signal
+        self.trigger = trigger
+        self.held: FloatArray | None = None
+        self._plant = context.plant
+        self._wire = self.wire("signal")
+        self._noise = parameters.noise
+        self._key = stream_key(context.seed, context.name)
+        sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
+        self._sigmas = np.array(sigmas)
+        period = 1.0 / context.ticks_per_second
+        self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
+        self._memory: FloatArray | None = None
+        self._seen: tuple[Any, FloatArray, FloatArray] | None = None
+
+    def scan(self, window: Window | None, after: int) -> int | None:
+        """First tick at which the trigger rule holds."""
+        assert window is not None
+        offset = after + 1 - window.start
+        if offset >= window.samples.shape[0]:
+            return None
+        watched, _ = self._signals(window)
+        if self.held is None:
+            return after + 1
+        index = self.trigger.first(watched[offset:], after + 1, self.held)
+        return None if index < 0 else after + 1 + index
+
+    def advance(self, tick: int, window: Window) -> None:
+        """Keep the filter's memory at ``tick``."""
+        if self._gain == 1.0:
+            return
+        watched, sent = self._signals(window)
+        self._memory = np.stack([watched[tick - window.start], sent[tick - window.start]])
+
+    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
+        """Transmit the signal of this tick and hold it, rounded as on the wire, for the trigger rule."""
+        assert self._seen is not None
+        window, _, sent = self._seen
+        self.held = self._wire.rounded(sent[tick - window.start])
+        return {"signal": self.held}
+
+    def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
+        """What the trigger watches and what would be sent, for each sample of a window."""
+        if self._seen is not None and self._seen[0] is window:
+            return self._seen[1], self._seen[2]
+        true = self.signal.evaluate(window.samples)
+        watched = sent = true
+        if self._noise.enters is not NoiseEnters.NOWHERE:
+            count = window.samples.shape[0]
+            errors = normals(self._key, window.start, count, self._plant.noise_width) * self._sigmas
+            noisy = self.signal.evaluate(self._plant.measured(window.samples, errors))
+            watched = noisy if self._noise.enters in (NoiseEnters.TRIGGER, NoiseEnters.BOTH) else true
+            sent = noisy if self._noise.enters in (NoiseEnters.TRANSMITTED, NoiseEnters.BOTH) else true
+        if self._gain != 1.0:
+            memory = np.stack([watched[0], sent[0]]) if self._memory is None else self._memory
+            watched, sent = (
+                _low_passed(watched, memory[0], self._gain),
+                _low_passed(sent, memory[1], self._gain),
+            )
+        self._seen = (window, watched, sent)
+        return watched, sent

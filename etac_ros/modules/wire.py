@@ -1,0 +1,93 @@
+"""Wire formats: which message type carries a value, what it costs, and what it does to the numbers.
+
+Three byte counts of a message stand side by side: the payload (4 bytes a component, the papers' figure), and CDR
+(the serialized message with its 4-byte header). The rounding happens here, on the sender's side, so that sender,
+receiver and both engines use the very value that was on the wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from etac_ros.parameters import FloatArray
+
+PAYLOAD_BYTES_A_COMPONENT = 4
+_CDR_HEADER = 4
+
+
+class WireFormat(str, Enum):
+    """How values are put on a link."""
+
+    COMPACT = "compact"
+    """float32, as the papers count: Point32 for a 3-vector, Float32MultiArray otherwise."""
+    STAMPED = "stamped"
+    """float64 with a header: Vector3Stamped, QuaternionStamped, WrenchStamped."""
+    EXACT = "exact"
+    """float64 without a header (Float64MultiArray): for the emulation plane only."""
+
+
+_STAMPED_TYPES = {
+    3: "geometry_msgs/msg/Vector3Stamped",
+    4: "geometry_msgs/msg/QuaternionStamped",
+    6: "geometry_msgs/msg/WrenchStamped",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """The message type of one link.
+
+    Parameters
+    ----------
+    format
+        Compact, stamped or exact.
+    size
+        Components of a value.
+    """
+
+    format: WireFormat
+    size: int
+
+    def __post_init__(self) -> None:
+        if self.format is WireFormat.STAMPED and self.size not in _STAMPED_TYPES:
+            raise ValueError(
+                f"no stamped message of the common interfaces carries {self.size} components "
+                f"(only {sorted(_STAMPED_TYPES)}); use wire: compact"
+            )
+
+    @property
+    def type_name(self) -> str:
+        """ROS type, for instance ``geometry_msgs/msg/Point32``."""
+        if self.format is WireFormat.EXACT:
+            return "std_msgs/msg/Float64MultiArray"
+        if self.format is WireFormat.STAMPED:
+            return _STAMPED_TYPES[self.size]
+        return "geometry_msgs/msg/Point32" if self.size == 3 else "std_msgs/msg/Float32MultiArray"
+
+    @property
+    def payload_bytes(self) -> int:
+        """Bytes as the papers count them."""
+        return PAYLOAD_BYTES_A_COMPONENT * self.size
+
+    @property
+    def cdr_bytes(self) -> int:
+        """Length of the serialized message; checked against real subscriptions in the tests."""
+        if self.format is WireFormat.STAMPED:
+            stamp_and_empty_frame_id = 4 + 4 + 4 + 1
+            aligned = -(-stamp_and_empty_frame_id // 8) * 8
+            return _CDR_HEADER + aligned + 8 * self.size
+        if self.format is WireFormat.COMPACT and self.size == 3:
+            return _CDR_HEADER + 12
+        layout_and_length = 4 + 4 + 4  # empty dimensions, data offset, sequence length
+        if self.format is WireFormat.COMPACT:
+            return _CDR_HEADER + layout_and_length + 4 * self.size
+        return _CDR_HEADER + -(-layout_and_length // 8) * 8 + 8 * self.size
+
+    def rounded(self, value: FloatArray) -> FloatArray:
+        """The value as it comes off the wire: contiguous float64, rounded to what the message holds."""
+        if self.format is WireFormat.COMPACT:
+            return value.astype(np.float32).astype(np.float64)
+        return np.array(value, dtype=np.float64)

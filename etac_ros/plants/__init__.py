@@ -1,0 +1,1 @@
+"""Plants: continuous attitude dynamics, one file a kind."""

@@ -1,0 +1,242 @@
+"""From validated sections to a graph of modules."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from etac_ros.errors import ScenarioError
+from etac_ros.modules.actuator import Actuator
+from etac_ros.modules.channel import Channel
+from etac_ros.modules.contract import Context, Module
+from etac_ros.modules.controller import Controller
+from etac_ros.modules.graph import Graph, Link, LinkKind
+from etac_ros.modules.plant import PlantModule
+from etac_ros.modules.sensor import Sensor
+from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.scenario.classes import import_class, validated
+from etac_ros.scenario.document import nearest
+from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
+
+EMULATION = "/emulation"
+"""Prefix of all topics that exist only because hardware is simulated here."""
+
+_SHORT_NAMES: dict[str, type[Module]] = {
+    "plant": PlantModule,
+    "sensor": Sensor,
+    "controller": Controller,
+    "actuator": Actuator,
+}
+_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+def node_parameters(section: NodeSection, where: str) -> dict[str, Any]:
+    """All parameters of a node, checked against its classes and complete with their defaults.
+
+    Raises
+    ------
+    ScenarioError
+        With file, node and key of what is wrong.
+    """
+    module = _module_class(section.module, where)
+    given = dict(section.__pydantic_extra__ or {})
+    complete: dict[str, Any] = section.model_dump(
+        mode="json", include={"module", "reads", "external"}, exclude_defaults=True
+    )
+    for name in module.components:
+        complete[name] = _component_parameters(given.pop(name, None), f"{where}.{name}")
+    own = validated(module.Parameters, given, where)
+    complete.update(own.model_dump(mode="json", exclude_none=True))
+    return complete
+
+
+def _component_parameters(given: Any, where: str) -> dict[str, Any]:
+    if not isinstance(given, dict) or "class" not in given:
+        raise ScenarioError(where, f"found {given!r}", "a mapping with the key 'class' (package.module:Class)")
+    values = {key: value for key, value in given.items() if key != "class"}
+    kind = _with_parameters(import_class(str(given["class"]), f"{where}.class"), f"{where}.class")
+    checked = validated(kind.Parameters, values, where)
+    return {"class": given["class"], **checked.model_dump(mode="json", exclude_none=True)}
+
+
+def _module_class(name: str, where: str) -> type[Module]:
+    if name in _SHORT_NAMES:
+        return _SHORT_NAMES[name]
+    if ":" not in name:
+        best = nearest(name, _SHORT_NAMES)
+        hint = f"'{best}'? " if best else ""
+        raise ScenarioError(
+            f"{where}.module", f"found '{name}'", f"{hint}one of {', '.join(_SHORT_NAMES)} or package.module:Class"
+        )
+    found = import_class(name, f"{where}.module")
+    if not issubclass(found, Module):
+        raise ScenarioError(f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract.Module")
+    return found
+
+
+def _with_parameters(kind: Any, where: str) -> Any:
+    if not hasattr(kind, "Parameters"):
+        raise ScenarioError(
+            where, f"{kind.__name__} has no 'Parameters'", "a class attribute: a subclass of etac_ros.parameters.Parameters"
+        )  # fmt: skip
+    return kind
+
+
+def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int, file: str) -> Graph:
+    """Build the modules and links of a scenario.
+
+    Parameters
+    ----------
+    run, nodes
+        From :func:`node_parameters` and the schema: complete and valid one by one.
+    end_tick
+        First tick that is not acted on.
+    file
+        For messages.
+
+    Raises
+    ------
+    ScenarioError
+        If they do not fit together: an unknown node or port, sizes that differ, an input that nobody feeds.
+    """
+    ends = {name: _ends(link, nodes, f"{file}: links.{name}") for name, link in run.links.items()}
+    formats: dict[str, dict[str, WireFormat]] = {name: {} for name in nodes}
+    for name, section in run.links.items():
+        node, port = ends[name][0]
+        formats[node][port] = _format(section, run)
+    modules: dict[str, Module] = {}
+    # Plants first: their readers are told of them when they are built.
+    for name in sorted(nodes, key=lambda name: nodes[name]["module"] != "plant"):
+        modules[name] = _module(name, run, nodes, modules, formats[name], f"{file}: {name}")
+    modules = {name: modules[name] for name in nodes}
+    links = {
+        name: _link(name, section, run, ends[name], modules, f"{file}: links.{name}")
+        for name, section in run.links.items()
+    }
+    external = frozenset(name for name, section in nodes.items() if section.get("external"))
+    reads = {name: section["reads"] for name, section in nodes.items() if "reads" in section}
+    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external)
+    _check(graph, file)
+    return graph
+
+
+def _module(
+    name: str,
+    run: RunSection,
+    nodes: Mapping[str, Mapping[str, Any]],
+    built: Mapping[str, Module],
+    formats: Mapping[str, WireFormat],
+    where: str,
+) -> Module:
+    section = dict(nodes[name])
+    kind = _module_class(section.pop("module"), where)
+    section.pop("external", None)
+    reads = section.pop("reads", None)
+    plant = None
+    if reads is not None:
+        source = built.get(reads)
+        if not isinstance(source, PlantModule):
+            plants = [name for name, module in built.items() if isinstance(module, PlantModule)]
+            raise ScenarioError(f"{where}.reads", f"'{reads}' is no plant", f"one of: {', '.join(plants)}")
+        plant = source.plant
+    components: dict[str, Any] = {}
+    for component in kind.components:
+        values = dict(section.pop(component))
+        part = import_class(values.pop("class"), f"{where}.{component}.class")
+        parameters = validated(part.Parameters, values, f"{where}.{component}")  # type: ignore[attr-defined]
+        components[component] = _made(part, f"{where}.{component}", parameters, run.ticks_per_second)
+    context = Context(name, run.ticks_per_second, run.seed, plant, formats)
+    module: Module = _made(kind, where, context, validated(kind.Parameters, section, where), **components)
+    return module
+
+
+def _made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
+    try:
+        return kind(*arguments, **components)
+    except ValueError as error:
+        raise ScenarioError(where, str(error)) from None
+
+
+def _ends(
+    section: LinkSection, nodes: Mapping[str, Mapping[str, Any]], where: str
+) -> tuple[tuple[str, str], list[tuple[str, str]]]:
+    def end(text: str, key: str) -> tuple[str, str]:
+        name, _, port = text.partition(":")
+        name = "/" + name.strip("/")
+        if name not in nodes:
+            best = nearest(name, nodes)
+            hint = f"'{best}'? " if best else ""
+            raise ScenarioError(f"{where}.{key}", f"there is no node '{name}'", f"{hint}one of: {', '.join(nodes)}")
+        return name, port
+
+    return end(section.sender, "from"), [end(text, "to") for text in section.to]
+
+
+def _format(section: LinkSection, run: RunSection) -> WireFormat:
+    return WireFormat.EXACT if section.kind is LinkKind.PHYSICAL else section.wire or run.wire
+
+
+def _link(
+    name: str,
+    section: LinkSection,
+    run: RunSection,
+    ends: tuple[tuple[str, str], list[tuple[str, str]]],
+    modules: Mapping[str, Module],
+    where: str,
+) -> Link:
+    sender, port = ends[0]
+    port = _port(port, modules[sender].outputs, f"{where}.from", f"output of {sender}")
+    size = modules[sender].outputs[port]
+    receivers: dict[str, str] = {}
+    for node, wanted in ends[1]:
+        inputs = modules[node].inputs
+        receivers[node] = _port(wanted, inputs, f"{where}.to", f"input of {node}")
+        if inputs[receivers[node]] != size:
+            raise ScenarioError(
+                f"{where}.to",
+                f"{node}:{receivers[node]} takes {inputs[receivers[node]]} components, {sender}:{port} sends {size}",
+                "equal sizes",
+            )
+    namespace = EMULATION if section.kind is LinkKind.PHYSICAL else ""
+    topic = section.topic or f"{namespace}{sender.rpartition('/')[0]}/{name}"
+    if not _TOPIC.fullmatch(topic):
+        raise ScenarioError(f"{where}.topic", f"'{topic}' is no ROS topic", "letters, digits and _ between /")
+    try:
+        wire = Wire(_format(section, run), size)
+    except ValueError as error:
+        raise ScenarioError(f"{where}.wire", str(error)) from None
+    channel = Channel(run.seed, name, section.delay_ticks, section.loss)
+    return Link(name, topic, section.kind, sender, port, receivers, wire, channel)
+
+
+def _port(wanted: str, ports: Mapping[str, int], where: str, what: str) -> str:
+    if not wanted and len(ports) == 1:
+        return next(iter(ports))
+    if wanted in ports:
+        return wanted
+    found = f"'{wanted}'" if wanted else "no port"
+    raise ScenarioError(where, f"{found} is no {what}", f"NODE:PORT with one of: {', '.join(ports) or 'none'}")
+
+
+def _check(graph: Graph, file: str) -> None:
+    """What only the whole graph can tell."""
+    topics = [link.topic for link in graph.links.values()]
+    for topic in topics:
+        if topics.count(topic) > 1:
+            raise ScenarioError(f"{file}: links", f"topic {topic} is used by two links", "a topic of its own for each")
+    if not graph.plants:
+        raise ScenarioError(file, "no node is a plant", "at least one node with module: plant")
+    for name, module in graph.modules.items():
+        fed = {link.receivers[name] for link in graph.hears[name]}
+        for port in module.inputs:
+            if port not in fed:
+                raise ScenarioError(f"{file}: {name}", f"input '{port}' is fed by no link", "a link to it")
+        if name in graph.external and not (module.answers and graph.acts_on_arrival(name)):
+            raise ScenarioError(
+                f"{file}: {name}.external",
+                f"a foreign node cannot play {name}",
+                "a module that answers each message at once, over one input link without delay",
+            )
+        if module.answers and name in graph.reads:
+            raise ScenarioError(f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'")

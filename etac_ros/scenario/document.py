@@ -1,0 +1,177 @@
+"""The YAML text of a scenario as a tree of sections, and overrides on it.
+
+A file is a ROS parameter file: ``/**`` with ``ros__parameters`` for the whole run, one further key a node.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from etac_ros.errors import ScenarioError
+
+Tree = dict[str, Any]
+
+EVERYWHERE = "/**"
+"""Section of what concerns the whole run."""
+_PARAMETERS = "ros__parameters"
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML with the numbers of YAML 1.2: PyYAML alone takes ``1e-6`` for a text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+0123456789."),
+)
+
+
+def parse_value(text: str, where: str) -> Any:
+    """A YAML value as it stands in a file or behind ``--set key=``."""
+    try:
+        return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain data only
+    except yaml.YAMLError as error:
+        raise ScenarioError(where, _yaml_problem(error), "a YAML value") from None
+
+
+def read_sections(path: Path) -> Tree:
+    """Read a scenario file into ``{section name: parameters}``.
+
+    Raises
+    ------
+    ScenarioError
+        If the file is missing, is no YAML, or has not the form of a ROS parameter file.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(str(path), f"cannot be read ({error})") from None
+    tree = parse_value(text, str(path))
+    if not isinstance(tree, dict) or EVERYWHERE not in tree:
+        raise ScenarioError(
+            str(path), "is not a scenario file", f"a ROS parameter file with a section '{EVERYWHERE}'"
+        )
+    sections: Tree = {}
+    for name, body in tree.items():
+        if not isinstance(body, dict) or set(body) != {_PARAMETERS} or not isinstance(body[_PARAMETERS], dict):
+            raise ScenarioError(
+                f"{path}: {name}", f"found {_shown(body)}", f"one key '{_PARAMETERS}' with a mapping below it"
+            )
+        key = EVERYWHERE if name == EVERYWHERE else "/" + str(name).strip("/")
+        if key in sections:
+            raise ScenarioError(f"{path}: {name}", "stands in the file twice")
+        sections[key] = body[_PARAMETERS]
+    return sections
+
+
+def write_sections(sections: Mapping[str, Any]) -> str:
+    """The text of a scenario file; :func:`read_sections` reads it back."""
+    tree = {name: {_PARAMETERS: body} for name, body in sections.items()}
+    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=110)
+
+
+def merged(base: Any, change: Any) -> Any:
+    """``change`` laid over ``base``. A mapping that names another ``class`` replaces, others merge key by key."""
+    if not isinstance(base, dict) or not isinstance(change, dict):
+        return deepcopy(change)
+    if "class" in change and change["class"] != base.get("class"):
+        return deepcopy(change)
+    result = dict(base)
+    for key, value in change.items():
+        result[key] = merged(base[key], value) if key in base else deepcopy(value)
+    return result
+
+
+def with_variant(sections: Tree, name: str, path: str) -> Tree:
+    """The sections with a variant's block laid over them.
+
+    Keys of the block are node names or keys of the ``/**`` section.
+    """
+    variants = sections[EVERYWHERE].get("variants") or {}
+    if name not in variants:
+        raise ScenarioError(
+            f"{path}: variants", f"no variant '{name}'", _choice(name, variants), "see the block 'variants'"
+        )
+    result = deepcopy(sections)
+    for key, value in variants[name].items():
+        node = _node(key, sections)
+        if node is not None:
+            result[node] = merged(result[node], value)
+        else:
+            result[EVERYWHERE] = merged(result[EVERYWHERE], {key: value})
+    return result
+
+
+def with_override(sections: Tree, assignment: str) -> tuple[Tree, str, Any]:
+    """The sections with one ``key=value`` set.
+
+    Parameters
+    ----------
+    sections
+        The tree; it is not changed.
+    assignment
+        ``NODE.key.key=value`` or ``key.key=value`` for the whole run; the value is YAML.
+
+    Returns
+    -------
+    tree, key, value
+        The new tree and what was set.
+    """
+    key, equals, text = assignment.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        raise ScenarioError(f"--set {assignment}", "is no assignment", "key=value")
+    value = parse_value(text, f"--set {key}")
+    first, *rest = key.split(".")
+    node = _node(first, sections)
+    names = rest if node is not None else [first, *rest]
+    if not names:
+        raise ScenarioError(f"--set {key}", "names a whole node", f"a key below it, as in {key}.KEY=VALUE")
+    change: Any = value
+    for name in reversed(names):
+        change = {name: change}
+    section = EVERYWHERE if node is None else node
+    if section == EVERYWHERE and names[0] not in sections[EVERYWHERE]:
+        candidates = [name.lstrip("/") for name in sections if name != EVERYWHERE]
+        candidates += list(sections[EVERYWHERE])
+        raise ScenarioError(f"--set {key}", f"unknown key '{names[0]}'", _choice(names[0], candidates))
+    result = dict(sections)
+    result[section] = merged(sections[section], change)
+    return result, key, value
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str:
+    """The nearest valid name, or an empty text."""
+    found = difflib.get_close_matches(name, [str(candidate) for candidate in candidates], n=1, cutoff=0.5)
+    return found[0] if found else ""
+
+
+def _choice(name: str, candidates: Iterable[str]) -> str:
+    names = [str(candidate) for candidate in candidates]
+    best = nearest(name, names)
+    listed = ", ".join(names) if names else "nothing here"
+    return f"'{best}'? (there are: {listed})" if best else f"one of: {listed}"
+
+
+def _node(key: str, sections: Mapping[str, Any]) -> str | None:
+    name = "/" + key.strip("/")
+    return name if name in sections else None
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _yaml_problem(error: yaml.YAMLError) -> str:
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or str(error)
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}" if mark else problem

@@ -1,0 +1,176 @@
+"""Load a scenario: find its file, lay variant and overrides over it, and validate all of it before anything starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from etac_ros.errors import ScenarioError
+from etac_ros.maths.ticks import whole_ticks
+from etac_ros.modules.graph import Graph
+from etac_ros.scenario.build import build, node_parameters
+from etac_ros.scenario.classes import validated
+from etac_ros.scenario.document import (
+    EVERYWHERE,
+    Tree,
+    nearest,
+    read_sections,
+    with_override,
+    with_variant,
+    write_sections,
+)
+from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
+
+_NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A validated scenario with variant and overrides applied.
+
+    Attributes
+    ----------
+    name
+        Name of the experiment.
+    run
+        What concerns the whole run.
+    nodes
+        Parameters of every node, complete with defaults, in the file's order.
+    variant
+        The variant that was chosen; None is the file as it stands.
+    overrides
+        What ``--set`` changed.
+    variants
+        Names of all variants in the file.
+    path
+        Where it was read from.
+    """
+
+    name: str
+    run: RunSection
+    nodes: Mapping[str, Mapping[str, Any]]
+    variant: str | None
+    overrides: Mapping[str, Any]
+    variants: tuple[str, ...]
+    path: Path
+
+    @property
+    def end_tick(self) -> int:
+        """The first tick that is not acted on."""
+        return whole_ticks(self.run.duration_s, self.run.ticks_per_second)
+
+    @property
+    def published(self) -> Mapping[str, PublishedFigure]:
+        """The paper's figures by name."""
+        return self.run.published.figures
+
+    @property
+    def text(self) -> str:
+        """The complete parameter file of this run."""
+        everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return write_sections({EVERYWHERE: everywhere, **self.nodes})
+
+    @property
+    def digest(self) -> str:
+        """What two processes compare before they run together: a digest of everything that bears on the result."""
+        everywhere = self.run.model_dump(
+            mode="json", by_alias=True, exclude={"published", "title", "baseline", "windows", "variant"}
+        )
+        canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes}, sort_keys=True)
+        return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+    def build(self) -> Graph:
+        """A fresh graph of this scenario's modules."""
+        return build(self.run, self.nodes, self.end_tick, str(self.path))
+
+
+def find(name: str) -> Path:
+    """The file of a scenario, by name or by path.
+
+    Raises
+    ------
+    ScenarioError
+        If there is none; the message names the nearest that exists.
+    """
+    given = Path(name)
+    if given.suffix in (".yaml", ".yml"):
+        if given.is_file():
+            return given
+        raise ScenarioError(name, "there is no such file")
+    folders = config_folders()
+    for folder in folders:
+        path = folder / f"{name}.yaml"
+        if path.is_file():
+            return path
+    known = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
+    best = nearest(name, known)
+    expected = f"'{best}'? (there are: {', '.join(known)})" if best else f"one of: {', '.join(known)}"
+    raise ScenarioError(f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml")
+
+
+def config_folders() -> list[Path]:
+    """Where scenario files stand: beside the package in a checkout, or in an installed package's share folder."""
+    checkout = Path(__file__).resolve().parents[2] / "config"
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    shares = [Path(prefix) / "share" / "etac_ros" / "config" for prefix in prefixes if prefix]
+    return [folder for folder in [checkout, *dict.fromkeys(shares)] if folder.is_dir()]
+
+
+def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """Load and validate a scenario.
+
+    Parameters
+    ----------
+    name
+        Name of a file in ``config/``, or a path to one.
+    variant
+        A named block of the file to lay over it.
+    overrides
+        ``key=value`` assignments, applied after the variant, in order.
+
+    Raises
+    ------
+    ScenarioError
+        If anything at all is wrong with it; a scenario that loads can be built.
+    """
+    path = find(name)
+    sections = read_sections(path)
+    if variant is not None:
+        sections = with_variant(sections, variant, str(path))
+    changed: dict[str, Any] = {}
+    for assignment in overrides:
+        sections, key, value = with_override(sections, assignment)
+        changed[key] = value
+    return _validated(sections, path, variant, changed)
+
+
+def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mapping[str, Any]) -> Scenario:
+    everywhere = dict(sections[EVERYWHERE])
+    variants = tuple(everywhere.pop("variants", None) or ())
+    if variant is not None:
+        everywhere["variant"] = variant
+    run = validated(RunSection, everywhere, f"{path}: {EVERYWHERE}")
+    try:
+        whole_ticks(run.duration_s, run.ticks_per_second)
+    except ValueError as error:
+        raise ScenarioError(
+            f"{path}: duration_s", str(error), f"a whole number of ticks of 1/{run.ticks_per_second} s"
+        ) from None
+    nodes: dict[str, Mapping[str, Any]] = {}
+    for name, body in sections.items():
+        if name == EVERYWHERE:
+            continue
+        if not _NODE_NAME.fullmatch(name):
+            raise ScenarioError(f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /")
+        section = validated(NodeSection, body, f"{path}: {name}")
+        nodes[name] = node_parameters(section, f"{path}: {name}")
+    scenario = Scenario(run.scenario, run, nodes, run.variant, overrides, variants, path)
+    scenario.build()
+    return scenario

@@ -1,0 +1,192 @@
+"""The time master: one loop that decides who acts when.
+
+It is written as a generator that yields batches of orders and is sent the reports on them, so that it contains no
+I/O at all: the in-process engine answers with calls, the ros engine with messages, and both run this very object.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Generator, Sequence
+
+from etac_ros.errors import ProtocolError
+from etac_ros.modules.graph import Graph
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
+from etac_ros.timing.windows import WindowPolicy
+
+Batches = Generator[Sequence[Order], Sequence[Report], None]
+
+_MOST_STEPS_A_TICK = 100
+
+
+class TimeMaster:
+    """Advances a graph of modules from tick 0 to its end.
+
+    Parameters
+    ----------
+    graph
+        Modules and links.
+    windows
+        How far plants compute ahead.
+
+    Attributes
+    ----------
+    tick
+        The tick that is being worked on, or was last.
+    ledger
+        The place in time of every message sent since the ledger was last taken.
+    fired
+        Number of own acts so far of each module that triggers.
+    halted
+        Why a watch ended the run; empty otherwise.
+    """
+
+    def __init__(self, graph: Graph, windows: WindowPolicy) -> None:
+        self.tick = 0
+        self.halted = ""
+        self.fired = {name: 0 for name in graph.lookers if graph.modules[name].triggers}
+        self.sent: dict[str, int] = dict.fromkeys(graph.links, 0)
+        self.ledger: list[Transit] = []
+        self._graph = graph
+        self._policy = windows
+        self._place = {name: index for index, name in enumerate(graph.modules)}
+        self._link_place = {name: index for index, name in enumerate(graph.links)}
+        self._plants = frozenset(graph.plants)
+        self._lookers = frozenset(graph.lookers)
+        self._proposals: dict[str, int] = {}
+        self._calendar: dict[int, dict[str, list[MessageId]]] = {}
+        self._granted: dict[str, Report] = {}
+        self._starts: dict[str, int] = {}
+        self._lengths: dict[str, int] = {}
+
+    def take_ledger(self) -> list[Transit]:
+        """The transits of the ticks closed since the last call."""
+        taken, self.ledger = self.ledger, []
+        return taken
+
+    def run(self) -> Batches:
+        """The loop. Yields batches of orders; wants a report on each order, in the same order.
+
+        Raises
+        ------
+        ProtocolError
+            If the messages of one tick go round without end.
+        """
+        end = self._graph.end_tick
+        yield from self._look(-1, self._graph.plants, self._lookers)
+        while (tick := self._earliest()) < end:
+            self.tick = tick
+            touched = yield from self._act(tick)
+            if self.halted:
+                yield [Close(plant, tick) for plant in self._graph.plants]
+                return
+            renewed = [
+                plant
+                for plant in self._graph.plants
+                if plant in touched or self._proposals[plant] == tick
+            ]
+            yield from self._look(tick, renewed, touched & self._lookers)
+        self.tick = end
+        yield [Close(plant, end) for plant in self._graph.plants]
+
+    def _earliest(self) -> int:
+        earliest = min(self._proposals.values())
+        return min(earliest, min(self._calendar)) if self._calendar else earliest
+
+    def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], set[str]]:
+        """Fire, then deliver step by step until nothing is in flight. Returns who acted or received."""
+        due = [name for name, when in self._proposals.items() if when == tick and name not in self._plants]
+        due.sort(key=self._place.__getitem__)
+        asked = [name for name in due if name not in self._granted]
+        if asked:
+            reports = yield [Fire(name, tick) for name in asked]
+            self._granted.update(zip(asked, reports, strict=True))
+        touched = set(due)
+        bags: dict[str, list[MessageId]] = self._calendar.pop(tick, {})
+        for name in due:
+            report = self._granted.pop(name)
+            del self._proposals[name]
+            if name in self.fired:
+                self.fired[name] += 1
+            self._note(name, report, tick, 0, bags)
+        step = 1
+        while bags:
+            if step > _MOST_STEPS_A_TICK:
+                raise self._endless(tick, bags)
+            orders = [
+                Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)))
+                for name in sorted(bags, key=self._place.__getitem__)
+            ]
+            reports = yield orders
+            bags = {}
+            for order, report in zip(orders, reports, strict=True):
+                touched.add(order.module)
+                self._note(order.module, report, tick, step, bags)
+            step += 1
+        return touched
+
+    def _note(
+        self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]
+    ) -> None:
+        """Number what was sent and hand it to the channel: now, later or never."""
+        if report.halt:
+            self.halted = f"{sender}: {report.halt}"
+        for name in report.sent:
+            link = self._graph.links[name]
+            self.sent[name] += 1
+            message = MessageId(name, self.sent[name])
+            self.ledger.append(Transit(name, message.sequence, tick, step))
+            when = tick + link.channel.delay_ticks
+            for receiver in link.receivers:
+                if link.channel.loses(receiver, message.sequence):
+                    continue
+                if when == tick:
+                    bags.setdefault(receiver, []).append(message)
+                elif when < self._graph.end_tick:
+                    self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+
+    def _look(self, tick: int, renewed: Sequence[str], touched: set[str] | frozenset[str]) -> Batches:
+        """Commit the plants whose input changed or whose window is used up; let whom it concerns look again."""
+        if not renewed and not touched:
+            return
+        lookers = set(touched)
+        for plant in renewed:
+            lookers.update(self._graph.readers[plant])
+        ordered = sorted(lookers, key=self._place.__getitem__)
+        for name in ordered:
+            self._proposals.pop(name, None)
+        for plant in renewed:
+            self._lengths[plant] = self._next_length(plant, tick)
+            self._starts[plant] = tick
+            first = max(tick, 0)
+            self._proposals[plant] = min(first + self._lengths[plant], self._graph.end_tick)
+        grant = min(self._earliest(), self._graph.end_tick - 1) if len(ordered) == 1 else -1
+        orders: list[Order] = [
+            Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed
+        ]
+        orders += [Look(name, tick, grant) for name in ordered]
+        reports = yield orders
+        for name, report in zip(ordered, reports[len(renewed) :], strict=True):
+            if report.proposal is not None:
+                self._proposals[name] = report.proposal
+                if report.fired:
+                    self._granted[name] = report
+
+    def _next_length(self, plant: str, tick: int) -> int:
+        if plant not in self._lengths:
+            return self._policy.first
+        if self._proposals[plant] == tick:
+            return self._policy.after_quiet(self._lengths[plant])
+        return self._policy.after_hit(tick - self._starts[plant])
+
+    def _in_bag(self, message: MessageId) -> tuple[int, int]:
+        return self._link_place[message.link], message.sequence
+
+    def _endless(self, tick: int, bags: dict[str, list[MessageId]]) -> ProtocolError:
+        links = sorted({message.link for bag in bags.values() for message in bag})
+        return ProtocolError(
+            where=f"links {', '.join(links)}",
+            found=f"after {_MOST_STEPS_A_TICK} steps the messages of tick {tick} still go round",
+            expected="a loop of links has a delay somewhere",
+            remedy="set delay_ticks of one of these links to 1 or more",
+        )

@@ -1,0 +1,85 @@
+"""What the time master tells the modules to do, and what they report. In process these are calls; over DDS, messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class MessageId(NamedTuple):
+    """A message: its link and its sequence number on it (1, 2, ...), which is also its RTPS sequence number."""
+
+    link: str
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """Plant: commit up to ``tick`` and compute ``length`` samples under what is held now."""
+
+    module: str
+    tick: int
+    length: int
+    grant: int
+    """Last tick up to which the only reader may act without asking; -1 for no such leave."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Name your first own act after this tick. With a grant, act at once if it lies no later than that."""
+
+    module: str
+    after: int
+    grant: int
+
+
+@dataclass(frozen=True, slots=True)
+class Fire:
+    """Act by yourself at this tick."""
+
+    module: str
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Deliver:
+    """Take these messages, in this order, as one bag."""
+
+    module: str
+    tick: int
+    step: int
+    bag: tuple[MessageId, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Plant: commit up to ``tick``; the run ends there."""
+
+    module: str
+    tick: int
+
+
+Order = Open | Look | Fire | Deliver | Close
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Answer to one order."""
+
+    sent: tuple[str, ...] = ()
+    """Links on which a message was sent, in order."""
+    proposal: int | None = None
+    """After Look: the tick of the first own act."""
+    fired: bool = False
+    """After Look with a grant: the proposal has been acted on already, and ``sent`` tells what came of it."""
+    halt: str = ""
+    """A watch asks to end the run at this tick, and why."""
+
+
+class Transit(NamedTuple):
+    """A message's place in time: what the ledger of a run is made of."""
+
+    link: str
+    sequence: int
+    tick: int
+    step: int

@@ -1,0 +1,1 @@
+"""Trigger rules: one file a rule, vectorised over a window of samples."""

@@ -1,0 +1,72 @@
+"""Relative threshold: fires when ``|s(t_i) - s| >= alpha |s| + gamma`` (wu2018 eq. 8)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from etac_ros.maths.compiled import inlined, kernel
+from etac_ros.parameters import FloatArray, Parameters
+
+
+@inlined
+def _error_and_threshold(signal, held, alpha, gamma):  # type: ignore[no-untyped-def]
+    error = 0.0
+    norm = 0.0
+    for j in range(signal.size):
+        difference = held[j] - signal[j]
+        error += difference * difference
+        norm += signal[j] * signal[j]
+    return np.sqrt(error), alpha * np.sqrt(norm) + gamma
+
+
+@kernel
+def _first(signals, held, alpha, gamma):  # type: ignore[no-untyped-def]
+    for i in range(signals.shape[0]):
+        error, threshold = _error_and_threshold(signals[i], held, alpha, gamma)
+        if error >= threshold:
+            return i
+    return -1
+
+
+@kernel
+def _margin(signals, held, alpha, gamma):  # type: ignore[no-untyped-def]
+    errors = np.empty(signals.shape[0])
+    thresholds = np.empty(signals.shape[0])
+    for i in range(signals.shape[0]):
+        errors[i], thresholds[i] = _error_and_threshold(signals[i], held, alpha, gamma)
+    return errors, thresholds
+
+
+class RelativeThresholdParameters(Parameters):
+    """Parameters of :class:`RelativeThreshold`."""
+
+    alpha: Annotated[float, Field(gt=0.0, lt=1.0)]
+    gamma: Annotated[float, Field(gt=0.0)]
+
+
+class RelativeThreshold:
+    """Fires when the distance to the transmitted value reaches ``alpha`` times the signal, plus ``gamma``.
+
+    Parameters
+    ----------
+    parameters
+        ``alpha`` in (0, 1) and ``gamma > 0`` in the signal's unit; ``gamma`` keeps the intervals from vanishing.
+    """
+
+    Parameters = RelativeThresholdParameters
+
+    def __init__(self, parameters: RelativeThresholdParameters, ticks_per_second: int) -> None:
+        self._alpha = parameters.alpha
+        self._gamma = parameters.gamma
+
+    def first(self, signals: FloatArray, tick: int, held: FloatArray) -> int:
+        """Index of the first sample that fires, or -1."""
+        return int(_first(signals, held, self._alpha, self._gamma))
+
+    def margin(self, signals: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """``|s(t_i) - s|`` and ``alpha |s| + gamma`` of each sample."""
+        errors, thresholds = _margin(signals, held, self._alpha, self._gamma)
+        return errors, thresholds
