@@ -40,8 +40,8 @@ def whole_ticks(duration_s: float, ticks_per_second: int) -> int:
     if ticks.denominator != 1:
         below = int(ticks) / ticks_per_second
         above = (int(ticks) + 1) / ticks_per_second
-        raise ValueError(
-            f"{duration_s} s is no whole number of ticks of 1/{ticks_per_second} s; "
-            f"the nearest are {below:.9g} s and {above:.9g} s"
+        nearest = (
+            f"the nearest are {below:.9g} s and {above:.9g} s" if below else f"one tick is {above:.9g} s"
         )
+        raise ValueError(f"{duration_s} s is no whole number of ticks of 1/{ticks_per_second} s; {nearest}")
     return int(ticks)

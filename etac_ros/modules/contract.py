@@ -59,7 +59,7 @@ class Context:
     seed: int
     plant: Plant | None = None
     formats: Mapping[str, WireFormat] = field(default_factory=dict)
-    """Wire format of each connected output port; where none is named, values pass unrounded."""
+    """Wire format of each connected output port ("" is the only port); where none is named, values pass unrounded."""
 
 
 class Module:
@@ -98,7 +98,8 @@ class Module:
 
     def wire(self, port: str) -> Wire:
         """Wire of an output port; a value must be rounded by it before it is used on either side."""
-        return Wire(self.context.formats.get(port, WireFormat.EXACT), self.outputs[port])
+        formats = self.context.formats
+        return Wire(formats.get(port, formats.get("", WireFormat.EXACT)), self.outputs[port])
 
     def scan(self, window: Window | None, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself. Pure: looking changes nothing.

@@ -75,7 +75,7 @@ class Sensor(Module):
     ) -> None:
         super().__init__(context)
         if context.plant is None:
-            raise ValueError("a sensor needs a plant to read")
+            raise ValueError("a sensor needs a plant, named by the key 'reads'")
         self.outputs = {"signal": signal.size}
         self.signal = signal
         self.trigger = trigger
@@ -86,6 +86,11 @@ class Sensor(Module):
         self._key = stream_key(context.seed, context.name)
         sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
         self._sigmas = np.array(sigmas)
+        if self._noise.enters is not NoiseEnters.NOWHERE and context.plant.noise_width != self._sigmas.size:
+            raise ValueError(
+                f"noise is described for {self._sigmas.size} deviates a sample (attitude and rate); "
+                f"the plant's sensors draw {context.plant.noise_width}"
+            )
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
         self._memory: FloatArray | None = None
@@ -116,6 +121,10 @@ class Sensor(Module):
         window, _, sent = self._seen
         self.held = self._wire.rounded(sent[tick - window.start])
         return {"signal": self.held}
+
+    def watched(self, window: Window) -> FloatArray:
+        """What the trigger rule is shown of each sample, through noise and low-pass filter."""
+        return self._signals(window)[0]
 
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
         """What the trigger watches and what would be sent, for each sample of a window."""

@@ -18,7 +18,16 @@ from etac_ros.maths.quaternion import (
     to_euler_321,
 )
 from etac_ros.maths.rk4 import propagator
-from etac_ros.parameters import FloatArray, Inertia, Parameters, UnitQuaternion, Vector3, square, vector
+from etac_ros.parameters import (
+    FloatArray,
+    Inertia,
+    Parameters,
+    UnitQuaternion,
+    Vector3,
+    exactly_one,
+    square,
+    vector,
+)
 
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE, _CONSTANT, _SINE, _COSINE, _FREQUENCY = 0, 9, 18, 21, 24, 27
@@ -70,8 +79,7 @@ class RigidBodyParameters(Parameters):
 
     @model_validator(mode="after")
     def _one_attitude(self) -> RigidBodyParameters:
-        if (self.attitude_q is None) == (self.attitude_euler_deg is None):
-            raise ValueError("give the initial attitude as exactly one of attitude_q and attitude_euler_deg")
+        exactly_one(self, "attitude_q", "attitude_euler_deg")
         return self
 
 

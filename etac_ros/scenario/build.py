@@ -15,8 +15,17 @@ from etac_ros.modules.graph import Graph, Link, LinkKind
 from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
 from etac_ros.modules.wire import Wire, WireFormat
-from etac_ros.scenario.classes import import_class, validated
-from etac_ros.scenario.document import nearest
+from etac_ros.scenario.classes import (
+    check_attributes,
+    check_methods,
+    import_class,
+    interface,
+    made,
+    validated,
+    with_parameters,
+)
+from etac_ros.scenario.document import EVERYWHERE, choice, nearest, shown
+from etac_ros.scenario.faults import field_names, unknown_key
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
 
 EMULATION = "/emulation"
@@ -28,6 +37,7 @@ _SHORT_NAMES: dict[str, type[Module]] = {
     "controller": Controller,
     "actuator": Actuator,
 }
+_COMPONENT = "a mapping with the key 'class' (package.module:Class)"
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -44,18 +54,32 @@ def node_parameters(section: NodeSection, where: str) -> dict[str, Any]:
     complete: dict[str, Any] = section.model_dump(
         mode="json", include={"module", "reads", "external"}, exclude_defaults=True
     )
+    # Unknown keys first: a mistyped component is both, unknown and missing.
+    _check_keys(module, given, where)
     for name in module.components:
-        complete[name] = _component_parameters(given.pop(name, None), f"{where}.{name}")
+        if name not in given:
+            raise ScenarioError(f"{where}.{name}", "is missing", _COMPONENT)
+        complete[name] = _component_parameters(given.pop(name), interface(module, name), f"{where}.{name}")
     own = validated(module.Parameters, given, where)
     complete.update(own.model_dump(mode="json", exclude_none=True))
     return complete
 
 
-def _component_parameters(given: Any, where: str) -> dict[str, Any]:
+def _check_keys(module: type[Module], given: Mapping[str, Any], where: str) -> None:
+    if module.Parameters.model_config.get("extra") == "allow":
+        return
+    own = [*module.components, *field_names(module.Parameters)]
+    for key in given:
+        if key not in own:
+            raise unknown_key(key, [*own, *field_names(NodeSection)], f"{where}.{key}")
+
+
+def _component_parameters(given: Any, wanted: type | None, where: str) -> dict[str, Any]:
     if not isinstance(given, dict) or "class" not in given:
-        raise ScenarioError(where, f"found {given!r}", "a mapping with the key 'class' (package.module:Class)")
+        raise ScenarioError(where, f"found {shown(given)}", _COMPONENT)
     values = {key: value for key, value in given.items() if key != "class"}
-    kind = _with_parameters(import_class(str(given["class"]), f"{where}.class"), f"{where}.class")
+    kind = with_parameters(import_class(str(given["class"]), f"{where}.class"), f"{where}.class")
+    check_methods(kind, wanted, f"{where}.class")
     checked = validated(kind.Parameters, values, where)
     return {"class": given["class"], **checked.model_dump(mode="json", exclude_none=True)}
 
@@ -67,20 +91,17 @@ def _module_class(name: str, where: str) -> type[Module]:
         best = nearest(name, _SHORT_NAMES)
         hint = f"'{best}'? " if best else ""
         raise ScenarioError(
-            f"{where}.module", f"found '{name}'", f"{hint}one of {', '.join(_SHORT_NAMES)} or package.module:Class"
+            f"{where}.module",
+            f"found '{name}'",
+            f"{hint}one of: {', '.join(_SHORT_NAMES)}, or package.module:Class",
         )
     found = import_class(name, f"{where}.module")
     if not issubclass(found, Module):
-        raise ScenarioError(f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract.Module")
-    return found
-
-
-def _with_parameters(kind: Any, where: str) -> Any:
-    if not hasattr(kind, "Parameters"):
         raise ScenarioError(
-            where, f"{kind.__name__} has no 'Parameters'", "a class attribute: a subclass of etac_ros.parameters.Parameters"
-        )  # fmt: skip
-    return kind
+            f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract:Module"
+        )
+    with_parameters(found, f"{where}.module")
+    return found
 
 
 def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int, file: str) -> Graph:
@@ -100,7 +121,7 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     ScenarioError
         If they do not fit together: an unknown node or port, sizes that differ, an input that nobody feeds.
     """
-    ends = {name: _ends(link, nodes, f"{file}: links.{name}") for name, link in run.links.items()}
+    ends = {name: _ends(link, nodes, _link_key(file, name)) for name, link in run.links.items()}
     formats: dict[str, dict[str, WireFormat]] = {name: {} for name in nodes}
     for name, section in run.links.items():
         node, port = ends[name][0]
@@ -111,7 +132,7 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         modules[name] = _module(name, run, nodes, modules, formats[name], f"{file}: {name}")
     modules = {name: modules[name] for name in nodes}
     links = {
-        name: _link(name, section, run, ends[name], modules, f"{file}: links.{name}")
+        name: _link(name, section, run, ends[name], modules, _link_key(file, name))
         for name, section in run.links.items()
     }
     external = frozenset(name for name, section in nodes.items() if section.get("external"))
@@ -119,6 +140,10 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external)
     _check(graph, file)
     return graph
+
+
+def _link_key(file: str, link: str) -> str:
+    return f"{file}: {EVERYWHERE}.links.{link}"
 
 
 def _module(
@@ -145,17 +170,11 @@ def _module(
         values = dict(section.pop(component))
         part = import_class(values.pop("class"), f"{where}.{component}.class")
         parameters = validated(part.Parameters, values, f"{where}.{component}")  # type: ignore[attr-defined]
-        components[component] = _made(part, f"{where}.{component}", parameters, run.ticks_per_second)
+        components[component] = made(part, f"{where}.{component}", parameters, run.ticks_per_second)
+        check_attributes(components[component], interface(kind, component), f"{where}.{component}.class")
     context = Context(name, run.ticks_per_second, run.seed, plant, formats)
-    module: Module = _made(kind, where, context, validated(kind.Parameters, section, where), **components)
+    module: Module = made(kind, where, context, validated(kind.Parameters, section, where), **components)
     return module
-
-
-def _made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
-    try:
-        return kind(*arguments, **components)
-    except ValueError as error:
-        raise ScenarioError(where, str(error)) from None
 
 
 def _ends(
@@ -165,9 +184,7 @@ def _ends(
         name, _, port = text.partition(":")
         name = "/" + name.strip("/")
         if name not in nodes:
-            best = nearest(name, nodes)
-            hint = f"'{best}'? " if best else ""
-            raise ScenarioError(f"{where}.{key}", f"there is no node '{name}'", f"{hint}one of: {', '.join(nodes)}")
+            raise ScenarioError(f"{where}.{key}", f"there is no node '{name}'", choice(name, nodes))
         return name, port
 
     return end(section.sender, "from"), [end(text, "to") for text in section.to]
@@ -190,12 +207,17 @@ def _link(
     size = modules[sender].outputs[port]
     receivers: dict[str, str] = {}
     for node, wanted in ends[1]:
+        if node in receivers:
+            raise ScenarioError(
+                f"{where}.to", f"{node} stands there twice", "another link for its other input"
+            )
         inputs = modules[node].inputs
         receivers[node] = _port(wanted, inputs, f"{where}.to", f"input of {node}")
         if inputs[receivers[node]] != size:
             raise ScenarioError(
                 f"{where}.to",
-                f"{node}:{receivers[node]} takes {inputs[receivers[node]]} components, {sender}:{port} sends {size}",
+                f"{node}:{receivers[node]} takes {inputs[receivers[node]]} components, "
+                f"{sender}:{port} sends {size}",
                 "equal sizes",
             )
     namespace = EMULATION if section.kind is LinkKind.PHYSICAL else ""
@@ -216,7 +238,9 @@ def _port(wanted: str, ports: Mapping[str, int], where: str, what: str) -> str:
     if wanted in ports:
         return wanted
     found = f"'{wanted}'" if wanted else "no port"
-    raise ScenarioError(where, f"{found} is no {what}", f"NODE:PORT with one of: {', '.join(ports) or 'none'}")
+    raise ScenarioError(
+        where, f"{found} is no {what}", f"NODE:PORT with one of: {', '.join(ports) or 'none'}"
+    )
 
 
 def _check(graph: Graph, file: str) -> None:
@@ -224,7 +248,12 @@ def _check(graph: Graph, file: str) -> None:
     topics = [link.topic for link in graph.links.values()]
     for topic in topics:
         if topics.count(topic) > 1:
-            raise ScenarioError(f"{file}: links", f"topic {topic} is used by two links", "a topic of its own for each")
+            users = " and ".join(link.name for link in graph.links.values() if link.topic == topic)
+            raise ScenarioError(
+                f"{file}: {EVERYWHERE}.links",
+                f"topic {topic} is used by {users}",
+                "a topic of its own for each",
+            )
     if not graph.plants:
         raise ScenarioError(file, "no node is a plant", "at least one node with module: plant")
     for name, module in graph.modules.items():
@@ -239,4 +268,6 @@ def _check(graph: Graph, file: str) -> None:
                 "a module that answers each message at once, over one input link without delay",
             )
         if module.answers and name in graph.reads:
-            raise ScenarioError(f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'")
+            raise ScenarioError(
+                f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'"
+            )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from etac_ros.errors import ScenarioError
-from etac_ros.scenario.document import nearest
-
+from etac_ros.scenario.document import choice
+from etac_ros.scenario.faults import faults_of
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -36,9 +36,16 @@ def import_class(path: str, where: str) -> type:
         ) from None  # fmt: skip
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
-        names = [name for name, value in vars(module).items() if isinstance(value, type)]
-        raise ScenarioError(where, f"'{module_name}' has no class '{class_name}'", _did_you_mean(class_name, names))
+        names = [name for name, value in vars(module).items() if _is_of(value, module_name)]
+        raise ScenarioError(
+            where, f"'{module_name}' has no class '{class_name}'", choice(class_name, sorted(names))
+        )
     return found
+
+
+def _is_of(value: Any, module: str) -> bool:
+    """Whether a value is a class of its module that a scenario may name."""
+    return isinstance(value, type) and value.__module__ == module and not issubclass(value, BaseModel)
 
 
 def validated(model: type[Model], values: Any, where: str) -> Model:
@@ -60,9 +67,9 @@ def validated(model: type[Model], values: Any, where: str) -> Model:
     """
     try:
         # JSON mode is strict about types, yet takes lists for tuples and texts for enumerations.
-        return model.model_validate_json(json.dumps(values), strict=True)
+        return model.model_validate_json(json.dumps(values, default=str), strict=True)
     except ValidationError as error:
-        faults = [_fault(model, fault, where) for fault in error.errors()]
+        faults = faults_of(model, values, error.errors(), where)
     except (TypeError, ValueError) as error:
         faults = [ScenarioError(where, str(error))]
     if len(faults) == 1:
@@ -70,31 +77,81 @@ def validated(model: type[Model], values: Any, where: str) -> Model:
     raise ScenarioError(where, f"{len(faults)} faults\n" + "\n".join(str(fault) for fault in faults))
 
 
-def _fault(model: type[BaseModel], fault: Mapping[str, Any], where: str) -> ScenarioError:
-    path = [str(part) for part in fault["loc"]]
-    key = ".".join([where, *path]) if path else where
-    found = fault["input"]
-    if fault["type"] == "extra_forbidden":
-        names = _field_names(model, path[:-1])
-        return ScenarioError(key, f"unknown key '{path[-1]}'", _did_you_mean(path[-1], names))
-    if fault["type"] == "missing":
-        return ScenarioError(key, "is missing", "a value: this key has no default")
-    text = str(fault["msg"]).removeprefix("Value error, ")
-    shown = json.dumps(found, default=str)
-    return ScenarioError(key, f"found {shown if len(shown) < 90 else shown[:87] + '...'}", text)
+def with_parameters(kind: type, where: str) -> Any:
+    """The class, if it has a parameter class.
+
+    Raises
+    ------
+    ScenarioError
+        If it has none.
+    """
+    model = getattr(kind, "Parameters", None)
+    if not isinstance(model, type) or not issubclass(model, BaseModel):
+        raise ScenarioError(
+            where,
+            f"{kind.__name__} has no 'Parameters'",
+            "a class attribute of this name: a subclass of etac_ros.parameters.Parameters",
+        )
+    return kind
 
 
-def _field_names(model: type[BaseModel], path: list[str]) -> list[str]:
-    current: Any = model
-    for part in path:
-        fields = getattr(current, "model_fields", {})
-        annotation = fields[part].annotation if part in fields else None
-        options = [annotation, *getattr(annotation, "__args__", ())]
-        current = next((o for o in options if isinstance(o, type) and issubclass(o, BaseModel)), None)
-    return [field.alias or name for name, field in getattr(current, "model_fields", {}).items()]
+def made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
+    """An object of a class that a scenario names.
+
+    Raises
+    ------
+    ScenarioError
+        If the constructor does not take these arguments, or refuses them.
+    """
+    try:
+        inspect.signature(kind).bind(*arguments, **components)
+    except TypeError as error:
+        wanted = [type(argument).__name__ for argument in arguments] + list(components)
+        raise ScenarioError(
+            where,
+            f"{kind.__name__}() does not take what it is given ({error})",
+            f"arguments {', '.join(wanted)}",
+        ) from None
+    try:
+        return kind(*arguments, **components)
+    except ValueError as error:
+        raise ScenarioError(where, str(error)) from None
 
 
-def _did_you_mean(name: str, candidates: list[str]) -> str:
-    best = nearest(name, candidates)
-    listed = ", ".join(sorted(candidates))
-    return f"'{best}'? (there are: {listed})" if best else f"one of: {listed}"
+def interface(kind: type, component: str) -> type | None:
+    """The protocol that a module class asks of one of its components: its constructor's annotation."""
+    try:
+        found = get_type_hints(kind.__init__).get(component)  # type: ignore[misc]
+    except NameError:  # a user's annotation that only type checkers can see
+        return None
+    return found if getattr(found, "_is_protocol", False) else None
+
+
+def check_methods(kind: type, wanted: type | None, where: str) -> None:
+    """Refuse a class that lacks methods of a protocol."""
+    members = {name for base in _bases(wanted) for name, value in vars(base).items() if callable(value)}
+    _refuse_if_lacking(kind, kind.__name__, members, wanted, where)
+
+
+def check_attributes(built: Any, wanted: type | None, where: str) -> None:
+    """Refuse an object that lacks attributes of a protocol; its constructor may have set them."""
+    members = {name for base in _bases(wanted) for name in base.__annotations__}
+    _refuse_if_lacking(built, type(built).__name__, members, wanted, where)
+
+
+def _bases(wanted: type | None) -> list[type]:
+    return (
+        [] if wanted is None else [base for base in wanted.__mro__ if base not in (Protocol, Generic, object)]
+    )
+
+
+def _refuse_if_lacking(found: Any, name: str, members: set[str], wanted: type | None, where: str) -> None:
+    lacking = [
+        f"'{name}'" for name in sorted(members) if not name.startswith("_") and not hasattr(found, name)
+    ]
+    if wanted is not None and lacking:
+        raise ScenarioError(
+            where,
+            f"{name} has no {', '.join(lacking)}",
+            f"a class like {wanted.__module__}:{wanted.__name__}",
+        )

@@ -6,8 +6,9 @@ A file is a ROS parameter file: ``/**`` with ``ros__parameters`` for the whole r
 from __future__ import annotations
 
 import difflib
+import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -21,17 +22,42 @@ Tree = dict[str, Any]
 EVERYWHERE = "/**"
 """Section of what concerns the whole run."""
 _PARAMETERS = "ros__parameters"
+_LONGEST_SHOWN = 90
 
 
 class _Loader(yaml.SafeLoader):
     """YAML with the numbers of YAML 1.2: PyYAML alone takes ``1e-6`` for a text."""
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+0123456789."),
-)
+class _Dumper(yaml.SafeDumper):
+    """The same numbers, so that a text that looks like one is quoted; no aliases, which ROS cannot read."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+for _part in (_Loader, _Dumper):
+    _part.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+        list("-+0123456789."),
+    )
+
+
+def _mapping_without_twins(loader: _Loader, node: yaml.MappingNode) -> Iterator[Tree]:
+    """A key that stands twice is refused: YAML forbids it, PyYAML would silently take the last."""
+    seen = set()
+    for key, _ in node.value:
+        if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"the key '{key.value}' stands twice in one mapping", problem_mark=key.start_mark
+                )
+            seen.add(key.value)
+    return loader.construct_yaml_map(node)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:map", _mapping_without_twins)
 
 
 def parse_value(text: str, where: str) -> Any:
@@ -39,7 +65,7 @@ def parse_value(text: str, where: str) -> Any:
     try:
         return yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain data only
     except yaml.YAMLError as error:
-        raise ScenarioError(where, _yaml_problem(error), "a YAML value") from None
+        raise ScenarioError(where, _yaml_problem(error), "valid YAML") from None
 
 
 def read_sections(path: Path) -> Tree:
@@ -61,25 +87,26 @@ def read_sections(path: Path) -> Tree:
         )
     sections: Tree = {}
     for name, body in tree.items():
-        if not isinstance(body, dict) or set(body) != {_PARAMETERS} or not isinstance(body[_PARAMETERS], dict):
+        below = body.get(_PARAMETERS) if isinstance(body, dict) and len(body) == 1 else None
+        if not isinstance(below, dict):
             raise ScenarioError(
-                f"{path}: {name}", f"found {_shown(body)}", f"one key '{_PARAMETERS}' with a mapping below it"
+                f"{path}: {name}", f"found {shown(body)}", f"one key '{_PARAMETERS}' with a mapping below it"
             )
         key = EVERYWHERE if name == EVERYWHERE else "/" + str(name).strip("/")
         if key in sections:
             raise ScenarioError(f"{path}: {name}", "stands in the file twice")
-        sections[key] = body[_PARAMETERS]
+        sections[key] = below
     return sections
 
 
 def write_sections(sections: Mapping[str, Any]) -> str:
     """The text of a scenario file; :func:`read_sections` reads it back."""
     tree = {name: {_PARAMETERS: body} for name, body in sections.items()}
-    return yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, width=110)
+    return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=110)
 
 
 def merged(base: Any, change: Any) -> Any:
-    """``change`` laid over ``base``. A mapping that names another ``class`` replaces, others merge key by key."""
+    """``change`` laid over ``base``: mappings merge key by key, one that names another ``class`` replaces."""
     if not isinstance(base, dict) or not isinstance(change, dict):
         return deepcopy(change)
     if "class" in change and change["class"] != base.get("class"):
@@ -90,27 +117,50 @@ def merged(base: Any, change: Any) -> Any:
     return result
 
 
-def with_variant(sections: Tree, name: str, path: str) -> Tree:
-    """The sections with a variant's block laid over them.
+def variants_of(sections: Tree, path: str) -> Tree:
+    """The named blocks of overrides that stand in the file.
 
-    Keys of the block are node names or keys of the ``/**`` section.
+    Raises
+    ------
+    ScenarioError
+        If they are no mapping of mappings.
     """
     variants = sections[EVERYWHERE].get("variants") or {}
-    if name not in variants:
+    if not isinstance(variants, dict):
         raise ScenarioError(
-            f"{path}: variants", f"no variant '{name}'", _choice(name, variants), "see the block 'variants'"
+            f"{path}: {EVERYWHERE}.variants", f"found {shown(variants)}", "a mapping of names to overrides"
         )
+    for name, block in variants.items():
+        if not isinstance(block, dict):
+            raise ScenarioError(
+                f"{path}: {EVERYWHERE}.variants.{name}",
+                f"found {shown(block)}",
+                "a mapping of nodes and keys to values",
+            )
+    return variants
+
+
+def with_variant(sections: Tree, name: str, path: str, run_keys: Collection[str]) -> Tree:
+    """The sections with a variant's block laid over them.
+
+    Keys of the block are node names or keys of the ``/**`` section, which are ``run_keys``.
+    """
+    variants = variants_of(sections, path)
+    if name not in variants:
+        raise ScenarioError(f"{path}: {EVERYWHERE}.variants", f"no variant '{name}'", choice(name, variants))
     result = deepcopy(sections)
     for key, value in variants[name].items():
-        node = _node(key, sections)
+        node = _node(str(key), sections)
         if node is not None:
             result[node] = merged(result[node], value)
-        else:
+        elif key in run_keys:
             result[EVERYWHERE] = merged(result[EVERYWHERE], {key: value})
+        else:
+            raise _no_such_key(f"{path}: {EVERYWHERE}.variants.{name}.{key}", str(key), sections, run_keys)
     return result
 
 
-def with_override(sections: Tree, assignment: str) -> tuple[Tree, str, Any]:
+def with_override(sections: Tree, assignment: str, run_keys: Collection[str]) -> tuple[Tree, str, Any]:
     """The sections with one ``key=value`` set.
 
     Parameters
@@ -119,6 +169,8 @@ def with_override(sections: Tree, assignment: str) -> tuple[Tree, str, Any]:
         The tree; it is not changed.
     assignment
         ``NODE.key.key=value`` or ``key.key=value`` for the whole run; the value is YAML.
+    run_keys
+        The keys of the ``/**`` section, whether they stand in the file or not.
 
     Returns
     -------
@@ -139,10 +191,8 @@ def with_override(sections: Tree, assignment: str) -> tuple[Tree, str, Any]:
     for name in reversed(names):
         change = {name: change}
     section = EVERYWHERE if node is None else node
-    if section == EVERYWHERE and names[0] not in sections[EVERYWHERE]:
-        candidates = [name.lstrip("/") for name in sections if name != EVERYWHERE]
-        candidates += list(sections[EVERYWHERE])
-        raise ScenarioError(f"--set {key}", f"unknown key '{names[0]}'", _choice(names[0], candidates))
+    if section == EVERYWHERE and names[0] not in run_keys:
+        raise _no_such_key(f"--set {key}", names[0], sections, run_keys)
     result = dict(sections)
     result[section] = merged(sections[section], change)
     return result, key, value
@@ -154,7 +204,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     return found[0] if found else ""
 
 
-def _choice(name: str, candidates: Iterable[str]) -> str:
+def choice(name: str, candidates: Iterable[str]) -> str:
+    """The nearest valid name, and all of them."""
     names = [str(candidate) for candidate in candidates]
     best = nearest(name, names)
     listed = ", ".join(names) if names else "nothing here"
@@ -166,9 +217,15 @@ def _node(key: str, sections: Mapping[str, Any]) -> str | None:
     return name if name in sections else None
 
 
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+def shown(value: Any) -> str:
+    """A value as in the file, cut where it is long."""
+    text = json.dumps(value, default=str)
+    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 3] + "..."
+
+
+def _no_such_key(where: str, key: str, sections: Tree, run_keys: Collection[str]) -> ScenarioError:
+    nodes = [name.lstrip("/") for name in sections if name != EVERYWHERE]
+    return ScenarioError(where, f"unknown key '{key}'", choice(key, [*nodes, *run_keys]))
 
 
 def _yaml_problem(error: yaml.YAMLError) -> str:

@@ -1,4 +1,4 @@
-"""Load a scenario: find its file, lay variant and overrides over it, and validate all of it before anything starts."""
+"""Load a scenario: find its file, lay variant and overrides over it, validate it before anything starts."""
 
 from __future__ import annotations
 
@@ -22,12 +22,15 @@ from etac_ros.scenario.document import (
     Tree,
     nearest,
     read_sections,
+    variants_of,
     with_override,
     with_variant,
     write_sections,
 )
+from etac_ros.scenario.faults import field_names
 from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 
+_RUN_KEYS = field_names(RunSection)
 _NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -79,11 +82,12 @@ class Scenario:
 
     @property
     def digest(self) -> str:
-        """What two processes compare before they run together: a digest of everything that bears on the result."""
+        """Digest of everything that bears on the result: processes compare it before they run together."""
         everywhere = self.run.model_dump(
             mode="json", by_alias=True, exclude={"published", "title", "baseline", "windows", "variant"}
         )
-        canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes}, sort_keys=True)
+        # Keys stay in order: that of the nodes and links is the order of sums and bags.
+        canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
     def build(self) -> Graph:
@@ -112,11 +116,13 @@ def find(name: str) -> Path:
     known = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
     best = nearest(name, known)
     expected = f"'{best}'? (there are: {', '.join(known)})" if best else f"one of: {', '.join(known)}"
-    raise ScenarioError(f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml")
+    raise ScenarioError(
+        f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml"
+    )
 
 
 def config_folders() -> list[Path]:
-    """Where scenario files stand: beside the package in a checkout, or in an installed package's share folder."""
+    """Where scenario files stand: beside the package in a checkout, or in a share folder once installed."""
     checkout = Path(__file__).resolve().parents[2] / "config"
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     shares = [Path(prefix) / "share" / "etac_ros" / "config" for prefix in prefixes if prefix]
@@ -143,17 +149,18 @@ def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -
     path = find(name)
     sections = read_sections(path)
     if variant is not None:
-        sections = with_variant(sections, variant, str(path))
+        sections = with_variant(sections, variant, str(path), _RUN_KEYS)
     changed: dict[str, Any] = {}
     for assignment in overrides:
-        sections, key, value = with_override(sections, assignment)
+        sections, key, value = with_override(sections, assignment, _RUN_KEYS)
         changed[key] = value
     return _validated(sections, path, variant, changed)
 
 
 def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mapping[str, Any]) -> Scenario:
     everywhere = dict(sections[EVERYWHERE])
-    variants = tuple(everywhere.pop("variants", None) or ())
+    variants = tuple(variants_of(sections, str(path)))
+    everywhere.pop("variants", None)
     if variant is not None:
         everywhere["variant"] = variant
     run = validated(RunSection, everywhere, f"{path}: {EVERYWHERE}")
@@ -161,14 +168,18 @@ def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mappi
         whole_ticks(run.duration_s, run.ticks_per_second)
     except ValueError as error:
         raise ScenarioError(
-            f"{path}: duration_s", str(error), f"a whole number of ticks of 1/{run.ticks_per_second} s"
+            f"{path}: {EVERYWHERE}.duration_s",
+            str(error),
+            f"a whole number of ticks of 1/{run.ticks_per_second} s",
         ) from None
     nodes: dict[str, Mapping[str, Any]] = {}
     for name, body in sections.items():
         if name == EVERYWHERE:
             continue
         if not _NODE_NAME.fullmatch(name):
-            raise ScenarioError(f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /")
+            raise ScenarioError(
+                f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /"
+            )
         section = validated(NodeSection, body, f"{path}: {name}")
         nodes[name] = node_parameters(section, f"{path}: {name}")
     scenario = Scenario(run.scenario, run, nodes, run.variant, overrides, variants, path)

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import (
+    AfterValidator,
+    Field,
+    FiniteFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    model_validator,
+)
 
 from etac_ros.modules.graph import LinkKind
 from etac_ros.modules.wire import WireFormat
@@ -13,7 +21,7 @@ from etac_ros.parameters import Parameters
 
 def _network_wire(value: WireFormat) -> WireFormat:
     if value is WireFormat.EXACT:
-        raise ValueError("a link's wire is compact or stamped; exact is the emulation plane's own")
+        raise ValueError("'compact' or 'stamped'; exact is the emulation plane's own")
     return value
 
 
@@ -38,6 +46,12 @@ class WindowSection(Parameters):
     first: PositiveInt = 64
     longest: PositiveInt = 1024
 
+    @model_validator(mode="after")
+    def _in_order(self) -> WindowSection:
+        if self.first > self.longest:
+            raise ValueError("a first window no longer than the longest")
+        return self
+
 
 class PublishedFigure(Parameters):
     """A figure of the paper, and the band in which a single draw of it may lie."""
@@ -54,6 +68,9 @@ class Published(Parameters):
     __pydantic_extra__: dict[str, PublishedFigure]
 
     source: str = ""
+    shown_in: dict[str, str] | None = Field(
+        default=None, description="the paper's figures by figure of the report"
+    )
 
     @property
     def figures(self) -> dict[str, PublishedFigure]:

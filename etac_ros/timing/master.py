@@ -183,7 +183,8 @@ class TimeMaster:
         return self._link_place[message.link], message.sequence
 
     def _endless(self, tick: int, bags: dict[str, list[MessageId]]) -> ProtocolError:
-        links = sorted({message.link for bag in bags.values() for message in bag})
+        going = [message.link for name, bag in bags.items() if name not in self._plants for message in bag]
+        links = sorted(set(going))
         return ProtocolError(
             where=f"links {', '.join(links)}",
             found=f"after {_MOST_STEPS_A_TICK} steps the messages of tick {tick} still go round",

@@ -68,7 +68,7 @@ class CoordinatorStation(Station):
         self._plants = plants
         self._on_progress = on_progress
         self._greeted: dict[str, int] = {}
-        self._began = 0.0
+        self.began = 0.0
         self._told = 0.0
         self._heard = time.monotonic()
         self._batches = self.master.run()
@@ -89,8 +89,13 @@ class CoordinatorStation(Station):
         self.subscription(String, FAULT, self._on_fault, latched=True)
         self.subscription(String, BYE, self._on_bye, shared=True)
 
-    def idle(self) -> None:
+    def idle(self, patient: bool) -> None:
         """Called while nothing arrives: notices who has gone quiet.
+
+        Parameters
+        ----------
+        patient
+            Wait without end for nodes to appear, and say for whom; they are started by hand.
 
         Raises
         ------
@@ -99,8 +104,12 @@ class CoordinatorStation(Station):
         """
         if time.monotonic() - self._heard < QUIET_S:
             return
+        self._heard = time.monotonic()
         if not self.started:
             missing = [name for name in self.plan.stations if name not in self._greeted]
+            if patient:
+                print(f"{self.name}: still waiting for {', '.join(missing)}", flush=True)
+                return
             raise RunError(
                 f"node {', '.join(missing)}",
                 f"has not appeared within {QUIET_S:g} s",
@@ -121,7 +130,7 @@ class CoordinatorStation(Station):
         """End the run, now that it is over or has failed; all others hear of it."""
         self._tell()
         self.fault = fault
-        self.loop_s = time.perf_counter() - self._began if self._began else 0.0
+        self.loop_s = time.perf_counter() - self.began if self.began else 0.0
         orders = {name: publisher.count.messages for name, publisher in self._go.items()}
         content = {
             "tick": self.master.tick, "fault": fault, "sent": self.master.sent, "orders": orders,
@@ -130,7 +139,7 @@ class CoordinatorStation(Station):
 
     def abort(self) -> None:
         """Tell the recorder what is known, and everybody that it is over."""
-        if self.stop is None and self.started:
+        if self.stop is None:
             self.end(self.fault or "aborted")
             self._ledger.drain(1.0)
             self._stop.drain(1.0)
@@ -147,7 +156,7 @@ class CoordinatorStation(Station):
 
     def on_start(self) -> None:
         """Begin: the master's first orders."""
-        self._began = self._told = time.perf_counter()
+        self.began = self._told = time.perf_counter()
         self._dispatch(next(self._batches))
 
     def _hear_next(self, module: str) -> None:

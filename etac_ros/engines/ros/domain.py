@@ -34,13 +34,15 @@ class DomainLease:
         self._lock.close()
 
 
-def take_domain(wanted: int | None = None) -> DomainLease:
+def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
     """Take a free domain.
 
     Parameters
     ----------
     wanted
         The user's own choice; None takes the first free one.
+    shared
+        A wanted domain may be in use by others than runs: foreign nodes of this run wait there.
 
     Raises
     ------
@@ -49,7 +51,7 @@ def take_domain(wanted: int | None = None) -> DomainLease:
     """
     if wanted is not None and not 0 <= wanted <= DOMAINS[-1]:
         raise RunError(f"ROS domain {wanted}", "is out of range", f"0 to {DOMAINS[-1]}")
-    busy = _busy_domains()
+    busy = set() if wanted is not None and shared else _busy_domains()
     # Starting at a place of one's own keeps runs that start together from racing for the same domain.
     start = os.getpid() % len(DOMAINS)
     candidates = [wanted] if wanted is not None else [*DOMAINS[start:], *DOMAINS[:start]]
@@ -74,7 +76,7 @@ def dds_environment(domain: int) -> dict[str, str]:
     profile = Path(str(files("etac_ros.engines.ros").joinpath("fastdds_profile.xml")))
     return {
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",  # leave it to the profile: this machine only
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
     }
@@ -95,7 +97,7 @@ def _lock(domain: int) -> DomainLease | None:
 
 
 def _busy_domains() -> set[int]:
-    busy = set()
+    busy: set[int] = set()
     for table in ("/proc/net/udp", "/proc/net/udp6"):
         try:
             lines = Path(table).read_text().splitlines()[1:]

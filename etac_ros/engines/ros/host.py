@@ -25,6 +25,8 @@ _JOIN_WAIT_S = 0.005
 _WAIT_S = 0.05
 """Longest wait for a message before signals and the parent process are looked at."""
 
+_ROLL_CALL_S = 1.0
+
 
 def _nothing(tick: int, fired: Any) -> None:
     """No progress is shown."""
@@ -60,7 +62,10 @@ class Host:
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._parent = parent
+        # Who starts nodes by hand may take his time over it.
+        self._patient = parent is None or bool(plan.graph.external)
         self._told_to_end = False
+        self._roll_call = 0.0
         self._stations: list[Station] = []
         self._coordinator: CoordinatorStation | None = None
         self._spinner: Spinner
@@ -80,19 +85,17 @@ class Host:
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_signal)
-        began = time.perf_counter()
         context = Context()
         rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
         try:
             self._create(context)
             try:
                 self._join()
-                joined = time.perf_counter() - began
                 self._take_part()
             except BaseException as error:
                 self._give_up(error)
                 raise
-            return self._outcome(joined)
+            return self._outcome()
         finally:
             for station in self._stations:
                 station.node.destroy_node()
@@ -124,32 +127,56 @@ class Host:
 
     def _join(self) -> None:
         waiting = list(self._stations)
-        deadline = time.monotonic() + QUIET_S
+        began = told = time.monotonic()
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
             for station in [station for station in waiting if station.matched]:
                 station.say_hello()
                 waiting.remove(station)
-            if waiting and self._parent is not None and time.monotonic() > deadline:
-                topics = ", ".join(waiting[0].missing())
+            now = time.monotonic()
+            if not waiting or now - told < QUIET_S:
+                continue
+            told = now
+            topics = ", ".join(waiting[0].missing())
+            if not self._patient:
                 raise RunError(f"node {waiting[0].name}", f"found no other end for {topics} within {QUIET_S:g} s")
+            print(f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}", flush=True)
 
     def _take_part(self) -> None:
         while not all(station.finished for station in self._stations):
-            if not self._spinner.once(_WAIT_S) and self._coordinator is not None:
-                self._coordinator.idle()
+            if not self._spinner.once(_WAIT_S):
+                self._be_idle()
             self._look_around()
-            for station in self._stations:
-                fault = (station.stop or {}).get("fault")
-                if fault and not isinstance(station, CoordinatorStation | RecorderStation):
-                    raise RunError(f"node {station.name}", f"the run was ended: {fault}")
+
+    def _be_idle(self) -> None:
+        if self._coordinator is not None:
+            self._coordinator.idle(self._patient)
+        now = time.monotonic()
+        if self._parent is not None or now < self._roll_call:
+            return  # a parent sees at once when a process ends
+        self._roll_call = now + _ROLL_CALL_S
+        for station in self._stations:
+            if station.stop is not None and station.stop["fault"]:
+                raise RunError(f"node {station.name}", f"the run was ended: {station.stop['fault']}")
+            if station.started and station.stop is None and (gone := station.deserted()):
+                raise RunError(
+                    f"node {', '.join(gone)}",
+                    f"has gone, which {station.name} listens to",
+                    "every node lives until the run is over",
+                    "see what it printed",
+                )
 
     def _look_around(self) -> None:
         if self._told_to_end:
             raise RunError(f"node {', '.join(self._names)}", "was told to end before the run was over")
         if self._parent is not None and os.getppid() != self._parent:
             raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
+        for station in self._stations:
+            fault = (station.stop or {}).get("fault")
+            # The recorder stays until nothing comes any more, the coordinator knows it anyway.
+            if fault and not isinstance(station, CoordinatorStation | RecorderStation):
+                raise RunError(f"node {station.name}", f"the run was ended: {fault}")
 
     def _give_up(self, error: BaseException) -> None:
         """Save what can be saved, and tell the others. Never hides the error it is called for."""
@@ -166,7 +193,7 @@ class Host:
             except Exception as secondary:
                 print(f"while saving {station.name}: {secondary}", flush=True)
 
-    def _outcome(self, joined_s: float) -> Outcome | None:
+    def _outcome(self) -> Outcome | None:
         if self._coordinator is None:
             return None
         master = self._coordinator.master
@@ -176,7 +203,7 @@ class Host:
             fired=dict(master.fired),
             sent=dict(master.sent),
             farewells=dict(self._coordinator.farewells),
-            joined_s=joined_s,
+            began_s=self._coordinator.began,
             loop_s=self._coordinator.loop_s,
         )
 

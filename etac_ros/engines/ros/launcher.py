@@ -23,6 +23,7 @@ from typing import Any
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.domain import DomainLease, dds_environment
 from etac_ros.engines.ros.host import Host
+from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
 from etac_ros.engines.ros.tally import Outcome
@@ -83,6 +84,13 @@ class Launcher:
         Creates the bag, in the recorder's process.
     on_progress
         Told the tick and the triggers so far.
+    on_start
+        Told the process of each node once all are started.
+
+    Attributes
+    ----------
+    started_s
+        When the first window was opened, on the clock of ``time.perf_counter``, which all processes share.
     """
 
     def __init__(
@@ -92,7 +100,10 @@ class Launcher:
         lease: DomainLease,
         open_sink: Callable[[], Sink],
         on_progress: Progress,
+        on_start: Callable[[dict[str, int]], None],
     ) -> None:
+        self.started_s = 0.0
+        self._on_start = on_start
         self._plan = plan
         self._groups = groups(plan, processes)
         self._lease = lease
@@ -100,11 +111,6 @@ class Launcher:
         self._on_progress = on_progress
         self._children: list[_Child] = []
         self._tick = 0
-
-    @property
-    def pids(self) -> Mapping[str, int]:
-        """Process of each node, once started."""
-        return {name: child.process.pid or 0 for child in self._children for name in child.names}
 
     def run(self) -> Outcome:
         """Run to the end.
@@ -116,8 +122,8 @@ class Launcher:
         KeyboardInterrupt
             If the user interrupted; likewise.
         """
-        self._start()
         try:
+            self._start()
             outcome = self._watch()
         except BaseException:
             self._end()
@@ -129,6 +135,7 @@ class Launcher:
 
     def _start(self) -> None:
         os.environ.update(dds_environment(self._lease.domain))
+        preload()
         sys.stdout.flush()
         sys.stderr.flush()
         fork = multiprocessing.get_context("fork")
@@ -141,6 +148,7 @@ class Launcher:
             theirs.close()
             self._children.append(_Child(names, process, ours))
         gc.unfreeze()
+        self._on_start({name: child.process.pid or 0 for child in self._children for name in child.names})
 
     def _watch(self) -> Outcome:
         outcome: Outcome | None = None
@@ -170,6 +178,8 @@ class Launcher:
             elif kind == "outcome":
                 child.done = True
                 outcome = content
+                if outcome is not None:
+                    self.started_s = outcome.began_s
         if not child.done and not child.process.is_alive():
             raise RunError(
                 child.label,

@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point32, QuaternionStamped, Vector3Stamped, WrenchStamped
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.type_support import check_for_type_support
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimension, String
 
 from etac_ros.modules.contract import Window
@@ -30,6 +33,12 @@ _TYPES: dict[str, type] = {
     "std_msgs/msg/Float32MultiArray": Float32MultiArray,
     "std_msgs/msg/Float64MultiArray": Float64MultiArray,
 }
+
+
+def preload() -> None:
+    """Load the type support of every message now: once before a fork instead of in every child."""
+    for kind in (*_TYPES.values(), String, Clock, ParameterEvent):
+        check_for_type_support(kind)
 
 
 def message_type(wire: Wire) -> type:

@@ -93,6 +93,16 @@ class Plan:
             return module in self.remote_plants
         return not self.graph.acts_on_arrival(module)
 
+    def sender_of(self, topic: str) -> str:
+        """The node that publishes a topic."""
+        for link in self.graph.links.values():
+            if link.topic == topic:
+                return link.sender
+        for name in self.graph.modules:
+            if topic in (window_topic(name), truth_topic(name), next_topic(name)):
+                return name
+        return COORDINATOR
+
     def listeners(self, link: Link) -> int:
         """Subscriptions of a link's topic: its receivers and the recorder."""
         return len(link.receivers) + 1

@@ -8,6 +8,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
@@ -47,6 +48,7 @@ class Station:
             context=context,
             enable_rosout=False,
             start_parameter_services=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         self._spinner = spinner
         self._publishers: list[Publisher] = []
@@ -89,6 +91,11 @@ class Station:
         """Topics whose other end is not there."""
         ends = [*self._publishers, *self._subscriptions]
         return sorted({end.topic for end in ends if not end.matched})
+
+    def deserted(self) -> list[str]:
+        """Nodes that should send something to this one, and are not there."""
+        topics = {subscription.topic for subscription in self._subscriptions if not subscription.matched}
+        return sorted({self.plan.sender_of(topic) for topic in topics})
 
     def say_hello(self) -> None:
         """Tell the coordinator that this node is ready."""

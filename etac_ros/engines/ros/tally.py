@@ -24,8 +24,10 @@ class Outcome:
         Triggers a module and messages a link, as the time master counted them.
     farewells
         Last notes of all nodes: their counts a topic (messages, CDR bytes), process and memory.
-    joined_s, loop_s
-        Wall time of joining, and from the first window to the last report [s].
+    began_s
+        When the first window was opened, on the clock of ``time.perf_counter``.
+    loop_s
+        Wall time from the first window to the last report [s].
     """
 
     tick: int
@@ -33,7 +35,7 @@ class Outcome:
     fired: Mapping[str, int]
     sent: Mapping[str, int]
     farewells: Mapping[str, Mapping[str, Any]]
-    joined_s: float
+    began_s: float
     loop_s: float
 
     def sent_by_topic(self) -> dict[str, tuple[int, int]]:

@@ -1,0 +1,127 @@
+"""What the records of a bag say: topics, messages, attachments and what is known of the run."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from etac_ros.bag.records import Record, damaged, records
+from etac_ros.bag.run_metadata import RECORD_NAME, unsealed
+from etac_ros.bag.topics import TopicDescription, from_channel_metadata
+from etac_ros.errors import BagError
+
+_MESSAGE = struct.Struct("<HIQQ")
+
+
+class RawMessage(NamedTuple):
+    """One message of a bag as it was recorded."""
+
+    topic: TopicDescription
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    cdr: bytes
+
+
+class Contents:
+    """Everything in an MCAP file but its messages, gathered while these pass by.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Attributes
+    ----------
+    topics
+        By channel.
+    metadata
+        What is known of the run; empty before its record was met.
+    attachments
+        By name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: dict[int, TopicDescription] = {}
+        self.metadata: dict[str, str] = {}
+        self.attachments: dict[str, bytes] = {}
+        self._types: dict[int, str] = {}
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Read the file from its beginning.
+
+        Raises
+        ------
+        DamagedBagError
+            At the first place that is not whole, after all messages before it.
+        BagError
+            If the file is no bag of etac_ros.
+        """
+        for record in records(self.path):
+            try:
+                message = self._take(record)
+            except (struct.error, ValueError, LookupError, OverflowError, McapError) as error:
+                raise damaged(self.path, record.offset, f"this record makes no sense ({error})") from None
+            if message is not None:
+                yield message
+
+    def _take(self, record: Record) -> RawMessage | None:
+        stream = ReadDataStream(BytesIO(record.content))
+        match record.opcode:
+            case Opcode.MESSAGE:
+                channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
+                cdr = record.content[_MESSAGE.size :]
+                return RawMessage(self.topics[channel_id], log_time, publish_time, sequence, cdr)
+            case Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self._types[schema.id] = schema.name
+            case Opcode.CHANNEL:
+                channel = Channel.read(stream)
+                self.topics[channel.id] = self._topic(channel)
+            case Opcode.METADATA:
+                entry = Metadata.read(stream)
+                if entry.name == RECORD_NAME:
+                    self.metadata = unsealed(entry.metadata)
+            case Opcode.ATTACHMENT:
+                attachment = Attachment.read(stream)
+                (crc,) = struct.unpack("<I", record.content[-4:])
+                if crc not in (0, zlib.crc32(record.content[:-4])):
+                    raise ValueError("the checksum of this attachment is wrong")
+                self.attachments[attachment.name] = attachment.data
+        return None
+
+    def _topic(self, channel: Channel) -> TopicDescription:
+        topic = from_channel_metadata(channel.topic, self._types[channel.schema_id], channel.metadata)
+        if topic is None:
+            found = f"nothing tells what part topic {channel.topic} had in a run"
+            raise BagError(str(self.path), found, "a bag that etac_ros recorded")
+        return topic
+
+
+def mcap_file(directory: Path) -> Path:
+    """Find the one MCAP file of a bag.
+
+    Raises
+    ------
+    BagError
+        If there is no such directory, or it is no bag.
+    """
+    wanted = "the directory of a bag"
+    if not directory.is_dir():
+        if directory.exists():
+            raise BagError(str(directory), "is a file", wanted, "name the directory that it stands in")
+        raise BagError(str(directory), "is not there", wanted)
+    files = sorted(directory.glob("*.mcap"))
+    if len(files) != 1:
+        raise BagError(str(directory), f"it holds {len(files)} .mcap files", f"{wanted}, which holds one")
+    return files[0]

@@ -1,0 +1,129 @@
+"""What `etac info` shows of a bag."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from etac_ros.bag.clock import NANOSECONDS
+from etac_ros.bag.codec import decode
+from etac_ros.bag.read import read_bag
+from etac_ros.bag.topics import TopicDescription, TopicKind
+from etac_ros.errors import BagError
+from etac_ros.modules.wire import PAYLOAD_BYTES_A_COMPONENT
+
+
+@dataclass(frozen=True)
+class TopicRow:
+    """One topic.
+
+    Attributes
+    ----------
+    payload_bytes
+        4 a component, as the papers count; 0 for a topic that is no link.
+    cdr_bytes
+        Serialized messages.
+    first_s, last_s
+        Simulated time of the first and of the last message [s]; None without messages.
+    """
+
+    topic: str
+    kind: TopicKind
+    type_name: str
+    messages: int
+    payload_bytes: int
+    cdr_bytes: int
+    first_s: float | None
+    last_s: float | None
+
+
+@dataclass(frozen=True)
+class Total:
+    """A sum over topics."""
+
+    messages: int
+    payload_bytes: int
+    cdr_bytes: int
+
+
+@dataclass(frozen=True)
+class BagDescription:
+    """A bag at a glance.
+
+    Attributes
+    ----------
+    duration_s
+        Simulated time from the first message to the last [s].
+    network, internal, emulation
+        Totals of each kind. Physical links travel on the emulation plane and are counted there.
+    attachments
+        Sizes by name [bytes].
+    file_bytes
+        Size of the MCAP file.
+    """
+
+    directory: Path
+    topics: tuple[TopicRow, ...]
+    duration_s: float
+    metadata: dict[str, str]
+    network: Total
+    internal: Total
+    emulation: Total
+    attachments: dict[str, int]
+    file_bytes: int
+
+
+def describe(directory: Path) -> BagDescription:
+    """Count what is in a bag.
+
+    Raises
+    ------
+    BagError
+        If it cannot be read.
+    """
+    bag = read_bag(directory)
+    payload: Counter[TopicDescription] = Counter()
+    for message in bag.messages():
+        if message.topic.link is not None:
+            try:
+                size = decode(message.topic.type_name, message.cdr).size
+            except ValueError as error:
+                where = f"{bag.path}: {message.topic.name}"
+                raise BagError(where, f"message {message.sequence}: {error}") from None
+            payload[message.topic] += PAYLOAD_BYTES_A_COMPONENT * size
+    rows = tuple(
+        TopicRow(
+            topic.name,
+            topic.kind,
+            topic.type_name,
+            count.messages,
+            payload[topic],
+            count.cdr_bytes,
+            None if count.first_ns is None else count.first_ns / NANOSECONDS,
+            None if count.last_ns is None else count.last_ns / NANOSECONDS,
+        )
+        for topic, count in bag.topics.items()
+    )
+    starts = [count.first_ns for count in bag.topics.values() if count.first_ns is not None]
+    ends = [count.last_ns for count in bag.topics.values() if count.last_ns is not None]
+    return BagDescription(
+        directory,
+        rows,
+        (max(ends) - min(starts)) / NANOSECONDS if starts else 0.0,
+        bag.metadata,
+        _total(rows, "network"),
+        _total(rows, "internal"),
+        _total(rows, "physical", "emulation"),
+        {name: len(data) for name, data in bag.attachments.items()},
+        bag.path.stat().st_size,
+    )
+
+
+def _total(rows: tuple[TopicRow, ...], *kinds: TopicKind) -> Total:
+    counted = [row for row in rows if row.kind in kinds]
+    return Total(
+        sum(row.messages for row in counted),
+        sum(row.payload_bytes for row in counted),
+        sum(row.cdr_bytes for row in counted),
+    )

@@ -1,0 +1,81 @@
+"""Writing a bag from a recording in memory, for a run that no DDS carried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from etac_ros.bag.clock import MOST_STEPS, log_time_ns, publish_time_ns
+from etac_ros.bag.codec import encode, encode_truth
+from etac_ros.bag.run_metadata import TICKS_PER_SECOND
+from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
+from etac_ros.bag.truth import MOST_SAMPLES
+from etac_ros.bag.write import BagWriter
+from etac_ros.engines.recording import Recording
+from etac_ros.modules.graph import Graph
+
+_Entry = tuple[tuple[int, int, int, int], str, Callable[[], bytes]]
+"""Place in the bag (tick, step, topic, sequence), topic, and how to serialize the message."""
+
+
+def write_recording(
+    directory: Path,
+    graph: Graph,
+    recording: Recording,
+    metadata: Mapping[str, str],
+    attachments: Mapping[str, bytes],
+) -> None:
+    """Write all messages and all truth of a run, in the order in which things happened.
+
+    Parameters
+    ----------
+    directory
+        The bag that is made.
+    graph
+        The graph that ran.
+    recording
+        What it left behind.
+    metadata, attachments
+        As for :class:`~etac_ros.bag.write.BagWriter`; ``ticks_per_second`` is added from the graph.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be written.
+    """
+    rate = graph.ticks_per_second
+    entries = sorted(_messages(graph, recording) + _truth(graph, recording), key=lambda entry: entry[0])
+    complete = {**metadata, TICKS_PER_SECOND: str(rate)}
+    with BagWriter(directory, recorded_topics(graph), attachments, complete) as writer:
+        for (tick, step, _, sequence), topic, serialized in entries:
+            logged = log_time_ns(tick, rate)
+            # Truth is committed after all steps of a tick, and stands in none of them.
+            published = publish_time_ns(logged, step) if step < MOST_STEPS else logged
+            writer.write(topic, serialized(), logged, published, sequence)
+
+
+def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
+    entries: list[_Entry] = []
+    for place, link in enumerate(graph.links.values()):
+        topic = link_topic(link)
+        for message in recording.messages.get(link.name, []):
+            stamp = log_time_ns(message.tick, graph.ticks_per_second)
+            serialized = partial(encode, topic.type_name, message.value, stamp)
+            entries.append(((message.tick, message.step, place, message.sequence), topic.name, serialized))
+    return entries
+
+
+def _truth(graph: Graph, recording: Recording) -> list[_Entry]:
+    entries: list[_Entry] = []
+    for place, plant in enumerate(graph.plants):
+        topic = truth_topic(plant)
+        sequence = 0
+        for first, samples in recording.truth.get(plant, []):
+            for start in range(0, samples.shape[0], MOST_SAMPLES):
+                part = samples[start : start + MOST_SAMPLES]
+                last = first + start + part.shape[0] - 1
+                sequence += 1
+                serialized = partial(encode_truth, first + start, part)
+                entries.append(((last, MOST_STEPS, place, sequence), topic.name, serialized))
+    return entries

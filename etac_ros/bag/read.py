@@ -1,0 +1,173 @@
+"""Reading a bag: what is in it, and the recording that it holds."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from etac_ros.bag.clock import step_of, tick_of
+from etac_ros.bag.codec import decode, decode_truth
+from etac_ros.bag.contents import Contents, RawMessage, mcap_file
+from etac_ros.bag.metadata import FILE_NAME, read_counts
+from etac_ros.bag.run_metadata import ticks_per_second
+from etac_ros.bag.topics import TopicDescription
+from etac_ros.engines.recording import Message, Recording
+from etac_ros.errors import BagError
+from etac_ros.parameters import FloatArray
+
+
+@dataclass
+class TopicCount:
+    """How much of a topic there is.
+
+    Attributes
+    ----------
+    first_ns, last_ns
+        Simulated time of the first and of the last message [ns]; None without messages.
+    """
+
+    messages: int = 0
+    cdr_bytes: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+    def add(self, message: RawMessage) -> None:
+        """Count one more."""
+        time = message.log_time_ns
+        self.messages += 1
+        self.cdr_bytes += len(message.cdr)
+        self.first_ns = time if self.first_ns is None else min(self.first_ns, time)
+        self.last_ns = time if self.last_ns is None else max(self.last_ns, time)
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag of which every byte has been checked.
+
+    Attributes
+    ----------
+    directory, path
+        The bag and its MCAP file.
+    topics
+        What there is of each topic, in the order in which the recorder announced them.
+    metadata
+        What is known of the run, as text by key.
+    attachments
+        Files kept with the run, by name.
+    """
+
+    directory: Path
+    path: Path
+    topics: dict[TopicDescription, TopicCount]
+    metadata: dict[str, str]
+    attachments: dict[str, bytes]
+
+    @property
+    def ticks_per_second(self) -> int:
+        """Rate of the tick grid [1/s]."""
+        return ticks_per_second(self.metadata)
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Read all messages in the order in which they were written, afresh from the file."""
+        return Contents(self.path).messages()
+
+    def recording(self) -> Recording:
+        """Read the messages of the links and the truth of the plants, as the engine had them in memory.
+
+        Raises
+        ------
+        BagError
+            If a message does not fit its topic or the tick grid, a sequence number stands twice, or the truth
+            of a plant has gaps.
+        """
+        links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
+        truth: dict[str, list[tuple[int, FloatArray]]] = {
+            t.plant: [] for t in self.topics if t.plant is not None
+        }
+        for raw in self.messages():
+            try:
+                if raw.topic.link is not None:
+                    links[raw.topic.link].append(self._message(raw))
+                elif raw.topic.plant is not None:
+                    truth[raw.topic.plant].append(self._samples(raw))
+            except ValueError as error:
+                raise self._unfit(raw.topic.name, f"message {raw.sequence}: {error}") from None
+        for link, messages in links.items():
+            messages.sort(key=lambda message: message.sequence)
+            for before, after in pairwise(messages):
+                if before.sequence == after.sequence:
+                    raise self._unfit(f"link {link}", f"message {after.sequence} stands there twice")
+        for plant, chunks in truth.items():
+            chunks.sort(key=lambda chunk: chunk[0])
+            self._check_continuous(plant, chunks)
+        return Recording(messages=links, truth=truth)
+
+    def _message(self, raw: RawMessage) -> Message:
+        tick = tick_of(raw.log_time_ns, self.ticks_per_second)
+        step = step_of(raw.log_time_ns, raw.publish_time_ns)
+        return Message(raw.sequence, tick, step, decode(raw.topic.type_name, raw.cdr))
+
+    def _samples(self, raw: RawMessage) -> tuple[int, FloatArray]:
+        first, samples = decode_truth(raw.cdr)
+        last = first + samples.shape[0] - 1
+        logged = tick_of(raw.log_time_ns, self.ticks_per_second)
+        if logged != last:
+            raise ValueError(f"it is logged at tick {logged} and ends with tick {last}")
+        return first, samples
+
+    def _check_continuous(self, plant: str, chunks: list[tuple[int, FloatArray]]) -> None:
+        for (first, samples), (following, next_samples) in pairwise(chunks):
+            due = first + samples.shape[0]
+            if following != due:
+                raise self._unfit(f"truth of {plant}", f"tick {following} stands where tick {due} should")
+            if next_samples.shape[1] != samples.shape[1]:
+                raise self._unfit(f"truth of {plant}", f"the number of states changes at tick {following}")
+
+    def _unfit(self, what: str, found: str) -> BagError:
+        return BagError(f"{self.path}: {what}", found, "the messages of one run, each once, without gaps")
+
+
+def read_bag(directory: Path) -> Bag:
+    """Open a bag, going through it once and checking every byte.
+
+    Raises
+    ------
+    BagError
+        If there is no bag, it was cut off or damaged (the remedy is ``etac recover``), or it is not one of
+        etac_ros.
+    """
+    path = mcap_file(directory)
+    announced = read_counts(directory)
+    contents = Contents(path)
+    counts: dict[str, TopicCount] = defaultdict(TopicCount)
+    for message in contents.messages():
+        counts[message.topic.name].add(message)
+    check_origin(contents)
+    topics = {topic: counts[topic.name] for topic in contents.topics.values()}
+    found = {topic.name: count.messages for topic, count in topics.items()}
+    if found != announced:
+        odd = next(name for name in [*found, *announced] if found.get(name) != announced.get(name))
+        raise BagError(
+            f"{directory}: {odd}",
+            f"{found.get(odd, 0)} messages in the .mcap file, {announced.get(odd, 0)} in {FILE_NAME}",
+            "the same number",
+            f"etac recover {directory}",
+        )
+    return Bag(directory, path, topics, contents.metadata, contents.attachments)
+
+
+def check_origin(contents: Contents) -> None:
+    """Make sure that etac_ros wrote this.
+
+    Raises
+    ------
+    BagError
+        If the metadata of the run is missing.
+    """
+    try:
+        ticks_per_second(contents.metadata)
+    except ValueError as error:
+        raise BagError(str(contents.path), str(error), "a bag that etac_ros recorded") from None

@@ -1,0 +1,140 @@
+"""The records of an MCAP file, one after the other, each checked before it is handed out.
+
+mcap's own readers start from the index at the end of a file, or trust every length they meet. A bag that was
+cut off has no index, and one that was damaged has lengths that lie; so the records are walked here, and mcap
+only reads what is in them.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+
+from etac_ros.errors import BagError
+
+_HEAD = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQI")
+_LENGTH32 = struct.Struct("<I")
+_LENGTH64 = struct.Struct("<Q")
+
+
+class DamagedBagError(BagError):
+    """From some byte on, a bag cannot be trusted; what stands before it is whole."""
+
+
+class Record(NamedTuple):
+    """One record, its content checked as far as the format allows."""
+
+    opcode: int
+    offset: int
+    content: bytes
+
+
+def records(path: Path) -> Iterator[Record]:
+    """Read all records of a file in order, those inside of chunks included.
+
+    A chunk is handed out only if its checksum is right. The checksums of the data section and of the summary
+    come behind what they cover, so it is only the end of the iteration that says that every byte was right.
+
+    Raises
+    ------
+    DamagedBagError
+        At the first place that is not whole, after all records before it.
+    BagError
+        If the file cannot be read or is no MCAP file at all.
+    """
+    try:
+        with path.open("rb") as file:
+            yield from _walk(file, os.fstat(file.fileno()).st_size, path)
+    except OSError as error:
+        raise BagError(str(path), f"cannot be read: {error.strerror}") from None
+
+
+def damaged(path: Path, offset: int, found: str) -> DamagedBagError:
+    """Make the error for a place in a file."""
+    return DamagedBagError(
+        str(path), f"byte {offset}: {found}", "a bag that was closed", f"etac recover {path.parent}"
+    )
+
+
+def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
+    magic = file.read(len(MCAP0_MAGIC))
+    if magic != MCAP0_MAGIC[: len(magic)]:
+        raise BagError(str(path), "is no MCAP file", "a bag that etac_ros recorded")
+    crc = zlib.crc32(magic)
+    offset = len(magic)
+    while True:
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            raise damaged(path, offset, "the file was cut off here")
+        opcode, length = _HEAD.unpack(head)
+        if opcode == 0:
+            raise damaged(path, offset, "no record begins here")
+        if length > size - offset - _HEAD.size:
+            raise damaged(path, offset, "the file was cut off within this record")
+        record = Record(opcode, offset, file.read(length))
+        if len(record.content) < length:  # shortened while it was read
+            raise damaged(path, offset, "the file was cut off within this record")
+        if opcode == Opcode.DATA_END:
+            _compare(record, 0, crc, path)
+            crc = 0
+        elif opcode == Opcode.FOOTER:
+            _compare(record, 16, zlib.crc32(record.content[:16], zlib.crc32(head, crc)), path)
+            if file.read() != MCAP0_MAGIC:
+                raise damaged(path, offset, "the file does not end where its footer says")
+            return
+        else:
+            crc = zlib.crc32(record.content, zlib.crc32(head, crc))
+        if opcode == Opcode.CHUNK:
+            yield from _unpacked(record, path)
+        else:
+            yield record
+        offset += _HEAD.size + length
+
+
+def _compare(record: Record, place: int, crc: int, path: Path) -> None:
+    """Compare a checksum; 0 stands for none."""
+    if len(record.content) < place + _LENGTH32.size:
+        raise damaged(path, record.offset, "this record is too short")
+    (expected,) = _LENGTH32.unpack_from(record.content, place)
+    if expected not in (0, crc):
+        raise damaged(path, record.offset, "the checksum of what stands before is wrong")
+
+
+def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
+    try:
+        _, _, size, crc = _CHUNK.unpack_from(chunk.content)
+        (named,) = _LENGTH32.unpack_from(chunk.content, _CHUNK.size)
+        place = _CHUNK.size + _LENGTH32.size
+        compression = chunk.content[place : place + named]
+        (length,) = _LENGTH64.unpack_from(chunk.content, place + named)
+    except struct.error:
+        raise damaged(path, chunk.offset, "this chunk is too short") from None
+    if compression:
+        raise BagError(
+            str(path), "its chunks are compressed", "chunks as etac_ros writes them", "mcap decompress"
+        )
+    place += named + _LENGTH64.size
+    data = chunk.content[place:]
+    if not length == size == len(data):
+        raise damaged(path, chunk.offset, "the sizes of this chunk contradict each other")
+    if crc not in (0, zlib.crc32(data)):
+        raise damaged(path, chunk.offset, "the checksum of this chunk is wrong")
+    start = chunk.offset + _HEAD.size + place
+    place = 0
+    while place < len(data):
+        if len(data) - place < _HEAD.size:
+            raise damaged(path, start + place, "this chunk ends within a record")
+        opcode, length = _HEAD.unpack_from(data, place)
+        first = place + _HEAD.size
+        if length > len(data) - first:
+            raise damaged(path, start + place, "this chunk ends within a record")
+        yield Record(opcode, start + place, data[first : first + length])
+        place = first + length

@@ -1,0 +1,74 @@
+"""What a bag says of each of its topics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from etac_ros.modules.graph import Graph, Link, LinkKind
+
+TopicKind = Literal["network", "internal", "physical", "emulation"]
+"""The kinds of link, and ``emulation`` for what only the simulation needs."""
+
+TRUTH_TYPE = "std_msgs/msg/Float64MultiArray"
+
+_KIND_OF_LINK: dict[LinkKind, TopicKind] = {
+    LinkKind.NETWORK: "network",
+    LinkKind.INTERNAL: "internal",
+    LinkKind.PHYSICAL: "physical",
+}
+_KIND, _LINK, _PLANT = "etac_ros.kind", "etac_ros.link", "etac_ros.plant"
+
+
+@dataclass(frozen=True, slots=True)
+class TopicDescription:
+    """One topic of a bag.
+
+    Parameters
+    ----------
+    name, type_name
+        ROS topic and type, for instance ``geometry_msgs/msg/Point32``.
+    kind
+        Where its messages are counted.
+    link
+        The link whose messages these are; None for any other topic.
+    plant
+        The plant whose committed samples (truth) these are; None for any other topic, windows included.
+    """
+
+    name: str
+    type_name: str
+    kind: TopicKind
+    link: str | None = None
+    plant: str | None = None
+
+
+def link_topic(link: Link) -> TopicDescription:
+    """Describe the topic of a link."""
+    return TopicDescription(link.topic, link.wire.type_name, _KIND_OF_LINK[link.kind], link=link.name)
+
+
+def truth_topic(plant: str) -> TopicDescription:
+    """Describe the topic of a plant's committed samples, given the plant's full name."""
+    return TopicDescription(f"/emulation/{plant.lstrip('/')}/truth", TRUTH_TYPE, "emulation", plant=plant)
+
+
+def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:
+    """Describe what every bag of a graph holds: its links, then the truth of its plants."""
+    links = tuple(link_topic(link) for link in graph.links.values())
+    return links + tuple(truth_topic(plant) for plant in graph.plants)
+
+
+def to_channel_metadata(topic: TopicDescription) -> dict[str, str]:
+    """Make the keys that tell a topic's part in the run; they stand in the metadata of its MCAP channel."""
+    keys = {_KIND: topic.kind, _LINK: topic.link, _PLANT: topic.plant}
+    return {key: value for key, value in keys.items() if value is not None}
+
+
+def from_channel_metadata(name: str, type_name: str, metadata: Mapping[str, str]) -> TopicDescription | None:
+    """Read the keys back: the inverse of :func:`to_channel_metadata`; None if they are not there."""
+    for kind in get_args(TopicKind):
+        if metadata.get(_KIND) == kind:
+            return TopicDescription(name, type_name, kind, metadata.get(_LINK), metadata.get(_PLANT))
+    return None

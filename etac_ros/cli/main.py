@@ -1,0 +1,155 @@
+"""``etac``: run scenarios, look at bags, draw reports."""
+
+from __future__ import annotations
+
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from etac_ros import __version__
+from etac_ros.errors import EtacError, ScenarioError
+
+app = typer.Typer(
+    name="etac",
+    help="Event-triggered attitude control as a graph of networked modules over ROS 2.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+BAD_INPUT, FAILED_RUN, INTERRUPTED = 2, 1, 130
+
+
+class Engine(str, Enum):
+    """Who carries messages."""
+
+    ros = "ros"
+    inprocess = "inprocess"
+
+
+class Spread(str, Enum):
+    """How nodes are spread over processes."""
+
+    node = "node"
+    namespace = "namespace"
+    one = "one"
+
+
+ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
+Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
+BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
+
+
+@app.command()
+def run(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    engine: Annotated[Engine, typer.Option(help="Over DDS, or by calls in this process.")] = Engine.ros,
+    processes: Annotated[Spread, typer.Option(help="One process a node, a namespace, or one.")] = Spread.node,
+    baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
+    bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; default: a free one.")] = None,
+    record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+) -> None:
+    """Run a scenario, record it, and show what crossed the network."""
+    from etac_ros.cli.run import RunRequest, run_and_show
+    from etac_ros.cli.show import make_console
+
+    request = RunRequest(
+        scenario, variant, tuple(set_ or ()), engine.value, processes.value, baseline, bag, json, domain, record_windows
+    )
+    run_and_show(request, make_console())
+
+
+@app.command()
+def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -> None:
+    """Print the complete parameter file of a run, for nodes that are started by hand."""
+    from etac_ros.scenario.load import load
+
+    typer.echo(load(scenario, variant, set_ or ()).text, nl=False)
+
+
+@app.command("list")
+def list_() -> None:
+    """List the scenarios and their variants."""
+    from etac_ros.scenario.load import config_folders, load
+
+    for path in sorted({path for folder in config_folders() for path in folder.glob("*.yaml")}):
+        found = load(str(path))
+        typer.echo(f"{found.name:12} {found.run.title}")
+        if found.variants:
+            typer.echo(f"{'':12} variants: {', '.join(found.variants)}")
+
+
+@app.command()
+def node(
+    name: Annotated[str, typer.Argument(help="Full name of the node, as /sensor.")],
+    params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
+    bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
+) -> None:
+    """Play one node of a run in this terminal."""
+    from etac_ros.cli.nodes import play
+
+    play(name, str(params_file), bag)
+
+
+@app.command()
+def info(bag: BagPath) -> None:
+    """List a bag's topics, types, counts, bytes and duration."""
+    from etac_ros.cli.show import make_console, show_bag
+
+    show_bag(bag, make_console())
+
+
+@app.command()
+def recover(
+    bag: BagPath, output: Annotated[Path | None, typer.Option(help="Write the repaired bag here instead.")] = None
+) -> None:
+    """Repair a bag that was cut off."""
+    from etac_ros.cli.show import make_console, show_recovery
+
+    show_recovery(bag, output, make_console())
+
+
+@app.command()
+def report(
+    bag: BagPath,
+    output: Annotated[Path | None, typer.Option(help="Folder of the report; default: BAG/report.")] = None,
+    against: Annotated[Path | None, typer.Option(help="Bag of the baseline, to lay beside it.")] = None,
+) -> None:
+    """Draw the paper's figures from a bag alone: PNG files and one self-contained HTML page."""
+    from etac_ros.report import write_report
+
+    typer.echo(f"report: {write_report(bag, output, against)}")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"etac_ros {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point. Errors are for people: no traceback, and an exit code that tells bad input from a failed run."""
+    try:
+        app()
+    except EtacError as error:
+        print(f"etac: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT if isinstance(error, ScenarioError) else FAILED_RUN)
+    except KeyboardInterrupt:
+        print("etac: interrupted; what had happened until then is in the bag", file=sys.stderr)
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,160 @@
+"""Nodes started by hand, each in its own terminal: ``etac node``, and the executables of ``ros2 run etac_ros``.
+
+    ros2 run etac_ros sensor --ros-args --params-file wu2018.yaml [-r __ns:=/pm -r __node:=other]
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from etac_ros.bag.write import check_writable
+from etac_ros.errors import EtacError, RunError, ScenarioError
+from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
+from etac_ros.scenario.load import load
+
+
+def play(name: str, params_file: str, bag: Path | None = None) -> None:
+    """Play one node of a run until the run is over.
+
+    Parameters
+    ----------
+    name
+        Full name of the node; ``/recorder`` and ``/coordinator`` are in every scenario.
+    params_file
+        A scenario's file or name. All nodes of a run need the same, with the same overrides.
+    bag
+        Directory of the bag, for the recorder.
+
+    Raises
+    ------
+    EtacError
+        If the scenario has no such node, or the run failed.
+    """
+    scenario = load(params_file)
+    # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
+    from etac_ros.engines.ros.domain import dds_environment
+
+    domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
+    for key, value in dds_environment(domain).items():
+        os.environ.setdefault(key, value)
+    from etac_ros.engines.ros.host import Host
+    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+    from etac_ros.engines.ros.tally import check_counts
+
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
+    name = "/" + name.strip("/")
+    if name not in plan.stations:
+        raise ScenarioError(
+            f"{scenario.path}", f"has no node '{name}'", f"one of: {', '.join(plan.stations)}",
+            "choose with -r __ns:=/NAMESPACE -r __node:=NAME",
+        )  # fmt: skip
+    if name == COORDINATOR and plan.timekeeper_with:
+        raise ScenarioError(
+            f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
+            "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
+        )  # fmt: skip
+    directory = bag or free_bag_directory(scenario)
+    if name == RECORDER:
+        check_writable(directory)
+    warm_up(scenario)
+    print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
+    outcome = Host(plan, [name], lambda: open_bag(scenario, directory, "ros")).run()
+    if name == RECORDER:
+        print(f"{name}: bag {directory}")
+    if outcome is None:
+        return
+    written = outcome.farewells[RECORDER]["written"]
+    check_counts(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
+    for module, count in outcome.fired.items():
+        print(f"{module}: {count} triggering instants")
+    print(f"simulated {scenario.run.duration_s:g} s in {outcome.loop_s:.3f} s")
+    if outcome.halted:
+        raise RunError(f"scenario '{scenario.name}'", f"halted: {outcome.halted}")
+
+
+def plant() -> None:
+    """Executable ``plant``."""
+    _main("plant")
+
+
+def sensor() -> None:
+    """Executable ``sensor``."""
+    _main("sensor")
+
+
+def controller() -> None:
+    """Executable ``controller``."""
+    _main("controller")
+
+
+def actuator() -> None:
+    """Executable ``actuator``."""
+    _main("actuator")
+
+
+def recorder() -> None:
+    """Executable ``recorder``."""
+    _main("recorder")
+
+
+def coordinator() -> None:
+    """Executable ``coordinator``."""
+    _main("coordinator")
+
+
+def _main(executable: str) -> None:
+    try:
+        name, params_file, bag = parse_arguments(executable, sys.argv[1:])
+        play(name, params_file, bag)
+    except EtacError as error:
+        print(f"{executable}: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, ScenarioError) else 1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str, Path | None]:
+    """Node name, parameter file and bag from a ROS command line.
+
+    Parameters
+    ----------
+    executable
+        Gives the node its name unless it is remapped.
+    arguments
+        As behind ``ros2 run etac_ros EXECUTABLE``.
+
+    Raises
+    ------
+    ScenarioError
+        If the parameter file is missing, or something is given that would silently be ignored.
+    """
+    namespace, base, params_file, bag = "", executable, None, None
+    words = iter(word for word in arguments if word not in ("--ros-args", "--"))
+    for word in words:
+        value = next(words, None)
+        if value is None:
+            raise ScenarioError(f"{executable} {word}", "has no value")
+        match word:
+            case "--params-file":
+                params_file = value
+            case "--bag":
+                bag = Path(value)
+            case "-r" | "--remap" if value.startswith("__ns:="):
+                namespace = value.removeprefix("__ns:=").rstrip("/")
+            case "-r" | "--remap" if value.startswith(("__node:=", "__name:=")):
+                base = value.partition(":=")[2]
+            case "-p" | "--param":
+                raise ScenarioError(
+                    f"{executable} -p {value}",
+                    "would change one node only",
+                    "the same parameters for all nodes of a run",
+                    "make a file with `etac resolve NAME --set KEY=VALUE` and give it to all of them",
+                )
+            case _:
+                raise ScenarioError(f"{executable} {word} {value}", "is not understood", "--params-file FILE, --bag DIR, -r")
+    if params_file is None:
+        raise ScenarioError(executable, "has no parameter file", "--ros-args --params-file FILE")
+    return f"{namespace}/{base}", params_file, bag

@@ -1,0 +1,97 @@
+"""``etac run``: the main job, with progress while it lasts and tables afterwards."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from etac_ros.bag.write import check_writable
+from etac_ros.cli.show import show_summary
+from etac_ros.errors import ScenarioError
+from etac_ros.runs import (
+    RosOptions,
+    Run,
+    baseline_of,
+    free_bag_directory,
+    run_in_process,
+    run_over_ros,
+    warm_up,
+)
+from etac_ros.scenario.load import Scenario, load
+from etac_ros.traffic import with_measured
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What the user asked for on the command line."""
+
+    scenario: str
+    variant: str | None
+    overrides: tuple[str, ...]
+    engine: str
+    processes: str
+    baseline: bool
+    bag: Path | None
+    json: Path | None
+    domain: int | None
+    record_windows: bool
+
+
+def run_and_show(request: RunRequest, console: Console) -> None:
+    """Run what was asked for, show the tables, write the summary."""
+    scenario = load(request.scenario, request.variant, request.overrides)
+    bag = request.bag
+    if bag is None and request.engine == "ros":
+        bag = free_bag_directory(scenario)
+    if bag is not None:
+        check_writable(bag)
+    if request.json is not None and not request.json.parent.is_dir():
+        raise ScenarioError(f"--json {request.json}", f"there is no folder {request.json.parent}")
+    other = baseline_of(scenario)
+    with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
+        warm_up(scenario)
+        baseline = None if other is None else _run_baseline(other, request, bag, console)
+    run = _run(scenario, request, bag, console)
+    summary = with_measured(run.summary, None if baseline is None else baseline.summary)
+    show_summary(scenario, summary, console)
+    if request.json is not None:
+        request.json.write_text(summary.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        console.print(f"summary: {request.json}", soft_wrap=True)
+
+
+def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
+    """The baseline's counts are the same with either engine; only on request it takes the long way."""
+    if request.baseline and request.engine == "ros":
+        beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
+        return _run(scenario, request, beside, console)
+    return run_in_process(scenario)
+
+
+def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
+    if request.engine == "inprocess":
+        return run_in_process(scenario, bag)
+    assert bag is not None
+    options = RosOptions(request.processes, request.domain, request.record_windows)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=30),
+        TextColumn("{task.completed:.0f}/{task.total:.0f} s simulated"),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(scenario.name, total=scenario.run.duration_s, note="joining")
+        began = time.perf_counter()
+
+        def on_progress(tick: int, fired: dict[str, int]) -> None:
+            simulated = tick / scenario.run.ticks_per_second
+            speed = simulated / max(time.perf_counter() - began, 1e-9)
+            note = f"{sum(fired.values())} triggers, {speed:.0f} x real time"
+            progress.update(task, completed=simulated, note=note)
+
+        return run_over_ros(scenario, bag, options, on_progress)
+
+

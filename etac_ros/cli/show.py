@@ -1,0 +1,175 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from etac_ros.bag.describe import describe
+from etac_ros.bag.recover import recover
+from etac_ros.scenario.load import Scenario
+from etac_ros.traffic import Summary
+
+_NARROWEST = 96
+"""Columns below which the tables would be cut."""
+
+_LABELS = {
+    "triggers": "triggering instants",
+    "network_messages": "network messages",
+    "network_payload_bytes": "network payload [bytes]",
+    "baseline_messages": "baseline's network messages",
+    "baseline_payload_bytes": "baseline's payload [bytes]",
+    "reduction_percent": "reduction [%]",
+    "max_interval_s": "longest interval [s]",
+}
+
+
+def make_console() -> Console:
+    """A console that leaves brackets alone and never breaks a table, also where output goes to a file."""
+    console = Console(markup=False, emoji=False)
+    console.width = max(console.width, _NARROWEST)
+    return console
+
+
+def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None:
+    """The tables that stand after a run."""
+    variant = f", variant {summary.variant}" if summary.variant else ""
+    console.print(f"\n{scenario.run.title or scenario.name}{variant}", style="bold")
+    console.print(_figures(scenario, summary))
+    console.print(_topics(summary))
+    console.print(_performance(summary))
+    timing = summary.timing
+    speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
+    console.print(
+        f"engine {summary.engine}: {summary.duration_s:g} s simulated in {timing.loop_s:.3f} s "
+        f"({speed:,.0f} x real time), start-up {timing.startup_s:.2f} s, in all {timing.total_s:.2f} s",
+    )
+    if summary.bag is not None:
+        console.print(f"bag: {summary.bag}   (etac info, etac report)", soft_wrap=True)
+
+
+def _figures(scenario: Scenario, summary: Summary) -> Table:
+    source = scenario.run.published.source or "paper"
+    baseline = summary.baseline
+    table = _table("")
+    for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
+        table.add_column(column, justify="right", no_wrap=True)
+    names = [*summary.measured, *(name for name in summary.published if name not in summary.measured)]
+    for name in names:
+        measured = summary.measured.get(name)
+        if measured is None and name not in summary.published:
+            continue
+        if name not in _LABELS and name not in summary.published:
+            continue
+        figure = summary.published.get(name)
+        row = [
+            _LABELS.get(name, name.replace("_", " ")),
+            "-" if measured is None else _number(measured),
+            "" if figure is None else _number(figure.value),
+            "" if figure is None or figure.low == figure.high else f"{_number(figure.low)} to {_number(figure.high)}",
+        ]
+        if baseline is not None:
+            beside = None if name.startswith(("baseline", "reduction")) else baseline.measured.get(name)
+            row.append("" if beside is None else _number(beside))
+        table.add_row(*row)
+    return table
+
+
+def _topics(summary: Summary) -> Table:
+    table = _topic_table()
+    for kind in ("network", "internal", "emulation"):
+        rows = {name: topic for name, topic in summary.topics.items() if topic.kind == kind}
+        if not rows:
+            continue
+        for name, topic in rows.items():
+            payload = topic.payload_bytes
+            table.add_row(*_topic_row(name, topic.type, topic.messages, payload, topic.cdr_bytes))
+        totals = getattr(summary, kind)
+        total = _topic_row(f"all {kind}", "", totals.messages, totals.payload_bytes, totals.cdr_bytes)
+        table.add_row(*total, style="bold", end_section=True)
+    return table
+
+
+def _performance(summary: Summary) -> Table:
+    table = _table("plant")
+    for column in ("error [deg]", "maximum*", "rate [deg/s]", "maximum*", "energy [N²m²s]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    runs = dict(summary.performance)
+    if summary.baseline is not None:
+        for name, figures in summary.baseline.performance.items():
+            runs[f"{name}, {summary.baseline.variant}"] = figures
+    for name, figures in runs.items():
+        table.add_row(
+            name,
+            f"{figures.attitude_error_deg:.3g}",
+            f"{figures.max_attitude_error_deg:.3g}",
+            f"{figures.rate_deg_s:.3g}",
+            f"{figures.max_rate_deg_s:.3g}",
+            f"{figures.energy_n2m2s:.4g}",
+        )
+    table.caption = "* over the last 40 % of the run"
+    return table
+
+
+def show_bag(bag: Path, console: Console) -> None:
+    """What ``etac info`` prints."""
+    described = describe(bag)
+    messages = sum(row.messages for row in described.topics)
+    console.print(
+        f"{bag}: {described.duration_s:g} s, {messages:,} messages, {described.file_bytes:,} bytes on disk",
+        soft_wrap=True,
+    )
+    for key, value in described.metadata.items():
+        console.print(f"  {key}: {value}")
+    table = _topic_table("kind", "first [s]", "last [s]")
+    for row in described.topics:
+        payload = row.payload_bytes if row.kind in ("network", "internal") else 0
+        cells = _topic_row(row.topic, row.type_name, row.messages, payload, row.cdr_bytes)
+        table.add_row(*cells, row.kind, _time(row.first_s), _time(row.last_s))
+    console.print(table)
+
+
+def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
+    """What ``etac recover`` prints."""
+    report = recover(bag, output)
+    if report.nothing_to_do:
+        console.print(f"{report.bag}: is whole, nothing to do", soft_wrap=True)
+        return
+    console.print(f"{report.bag}: {report.found}; saved", soft_wrap=True)
+    for topic, messages in report.messages.items():
+        console.print(f"  {messages:8,} messages of {topic}")
+    if report.original is not None:
+        console.print(f"the file as it was found is kept: {report.original}", soft_wrap=True)
+
+
+def _topic_table(*more: str) -> Table:
+    table = _table("topic", "type")
+    for column in ("messages", "payload", "CDR bytes"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for column in more:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
+
+def _topic_row(name: str, type_name: str, messages: int, payload_bytes: int, cdr_bytes: int) -> tuple[str, ...]:
+    payload = f"{payload_bytes:,}" if payload_bytes else ""
+    return name, type_name.replace("/msg/", "/"), f"{messages:,}", payload, f"{cdr_bytes:,}"
+
+
+def _table(*columns: str) -> Table:
+    """A table that keeps its words whole, also where the terminal is narrow."""
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1))
+    for column in columns:
+        table.add_column(column, no_wrap=True)
+    return table
+
+
+def _time(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.4g}"

@@ -1,0 +1,278 @@
+"""The numbers behind the figures, from a graph and its recording: nothing here draws.
+
+Times are simulated seconds. A curve is dense (one value a tick) or a staircase, whose values hold until the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from etac_ros.engines.recording import Recording
+from etac_ros.maths.ticks import seconds
+from etac_ros.modules.contract import Window
+from etac_ros.modules.graph import Graph, LinkKind
+from etac_ros.modules.plant import PlantModule
+from etac_ros.modules.sensor import Sensor
+from etac_ros.parameters import FloatArray
+from etac_ros.plants.plant import Plant
+from etac_ros.traffic import trigger_ticks
+
+_LAST_PART = 0.4
+"""The part of a run that is taken for its steady state, as in the summary."""
+_SETTLED = 2.0
+"""A run has settled when its error stays within so many times the largest of the last part."""
+_LONGEST_TRANSIENT = 0.6
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values over time.
+
+    Attributes
+    ----------
+    times_s
+        Shape (n,), ascending.
+    values
+        Shape (n, m): m curves over the same times.
+    """
+
+    times_s: FloatArray
+    values: FloatArray
+
+    def between(self, start_s: float, end_s: float) -> Curve:
+        """The part within a span, ends included."""
+        first, last = np.searchsorted(self.times_s, [start_s, end_s], side="left")
+        if last < self.times_s.size and self.times_s[last] == end_s:
+            last += 1
+        return Curve(self.times_s[first:last], self.values[first:last])
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How near a sensor was to triggering, at every tick after its first transmission.
+
+    Attributes
+    ----------
+    ticks
+        Ticks at which the rule was asked, ascending.
+    errors, thresholds
+        What it compared: it fires where the error has reached the threshold.
+    fired
+        Whether the tick is a triggering instant.
+    """
+
+    ticks: np.ndarray[tuple[int], np.dtype[np.int64]]
+    errors: FloatArray
+    thresholds: FloatArray
+    fired: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+def dynamics(graph: Graph, plant: str) -> Plant:
+    """The plant that a plant module simulates."""
+    module = graph.modules[plant]
+    assert isinstance(module, PlantModule)
+    return module.plant
+
+
+def trigger_modules(graph: Graph) -> tuple[str, ...]:
+    """Names of the modules whose own acts are triggering instants."""
+    return tuple(name for name in graph.lookers if graph.modules[name].triggers)
+
+
+def last_tick(graph: Graph, recording: Recording) -> int:
+    """The last tick that every plant has committed."""
+    ends = []
+    for plant in graph.plants:
+        first, states = recording.samples(plant)
+        ends.append(first + states.shape[0] - 1)
+    return min(ends)
+
+
+def attitude(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Attitude error as 3-2-1 Euler angles [deg]."""
+    return _of_states(graph, recording, plant, lambda body, states: np.degrees(body.euler_angles(states)))
+
+
+def attitude_angle(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Attitude error as one angle [deg]."""
+    return _of_states(
+        graph, recording, plant, lambda body, states: np.degrees(body.attitude_angle(states))[:, np.newaxis]
+    )
+
+
+def rate(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Angular velocity error [deg/s]."""
+    return _of_states(graph, recording, plant, lambda body, states: np.degrees(states[:, body.rate_slice]))
+
+
+def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
+    """What each input port of a plant holds, as a staircase from the first committed tick to the last.
+
+    The channel is taken into account: a value acts when it arrives, and what was lost never does. Values that
+    arrive together add up, as in the plant module.
+    """
+    first, states = recording.samples(plant)
+    last = first + states.shape[0] - 1
+    curves = {}
+    for port, size in dynamics(graph, plant).inputs.items():
+        bags = _arrivals(graph, recording, plant, port)
+        held = {first: np.zeros(size)}
+        for (tick, _), values in sorted(bags.items()):
+            if tick <= last:
+                held[tick] = np.sum(values, axis=0)
+        ticks = [*held, last]
+        values = [*held.values(), next(reversed(held.values()))]
+        curves[port] = Curve(seconds(np.array(ticks), graph.ticks_per_second), np.array(values))
+    return curves
+
+
+def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Integral of the squared held torques up to each of their steps [N^2 m^2 s]; straight lines between."""
+    held = list(held_inputs(graph, recording, plant).values())
+    times = np.unique(np.concatenate([curve.times_s for curve in held]))
+    power = np.zeros(times.size)
+    for curve in held:
+        now = curve.values[np.searchsorted(curve.times_s, times, side="right") - 1]
+        power += np.einsum("ij,ij->i", now, now)
+    total = np.concatenate([[0.0], np.cumsum(power[:-1] * np.diff(times))])
+    return Curve(times, total[:, np.newaxis])
+
+
+def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
+    """Recompute what a trigger rule compared, from the committed samples and the values on the wire.
+
+    Parameters
+    ----------
+    graph
+        Freshly built: the sensor module measures once more, through the same noise and filter.
+    recording
+        Of the same scenario.
+    sensor
+        Full name of a module.
+
+    Returns
+    -------
+    Margins or None
+        None where there is no such comparison: the module is no sensor, or its rule goes by time.
+    """
+    module = graph.modules[sensor]
+    links = graph.sends[sensor]
+    if not isinstance(module, Sensor) or not links:
+        return None
+    plant = graph.reads[sensor]
+    first, states = recording.samples(plant)
+    signals = module.watched(Window(plant, 1, first, states))
+    # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
+    end = min(first + states.shape[0], graph.end_tick)
+    sent = [message for message in recording.messages[links[0].name] if message.tick < end]
+    parts = []
+    for message, until in zip(sent, [*(m.tick for m in sent[1:]), end - 1], strict=True):
+        part = signals[message.tick + 1 - first : until + 1 - first]
+        pair = module.trigger.margin(part, message.value)
+        if pair is None:
+            return None
+        parts.append(pair)
+    if not parts:
+        return None
+    instants = np.array([message.tick for message in sent])
+    ticks = np.arange(instants[0] + 1, end)
+    return Margins(
+        ticks,
+        np.concatenate([errors for errors, _ in parts]),
+        np.concatenate([thresholds for _, thresholds in parts]),
+        np.isin(ticks, instants),
+    )
+
+
+def instants_s(graph: Graph, recording: Recording, module: str) -> FloatArray:
+    """Triggering instants of a module [s]."""
+    ticks = np.array(trigger_ticks(graph, recording, module), dtype=np.int64)
+    return np.asarray(seconds(ticks, graph.ticks_per_second))
+
+
+def intervals(instants: FloatArray) -> Curve:
+    """Inter-event times [s], each at the instant that ends it."""
+    return Curve(instants[1:], np.diff(instants)[:, np.newaxis])
+
+
+def cumulative_bytes(graph: Graph, recording: Recording) -> Curve:
+    """Payload that the network links had carried up to each time [bytes], a staircase over the whole run."""
+    rate_1_s = graph.ticks_per_second
+    sizes = [
+        (message.tick, link.wire.payload_bytes)
+        for link in graph.links.values()
+        if link.kind is LinkKind.NETWORK
+        for message in recording.messages[link.name]
+    ]
+    sent = np.array(sorted(sizes), dtype=np.int64).reshape(-1, 2)
+    ticks, places = np.unique(sent[:, 0], return_inverse=True)
+    totals = np.cumsum(np.bincount(places, sent[:, 1], ticks.size))
+    end = max(last_tick(graph, recording), int(ticks[-1]) if ticks.size else 0)
+    start = [] if ticks.size and ticks[0] == 0 else [0]
+    ticks = np.concatenate([start, ticks, [end]])
+    totals = np.concatenate([np.zeros(len(start)), totals, totals[-1:] if totals.size else [0.0]])
+    return Curve(np.asarray(seconds(ticks, rate_1_s)), totals[:, np.newaxis])
+
+
+def transient_end_s(errors: list[Curve]) -> float | None:
+    """Where the transient ends and the steady state begins, a round number of seconds.
+
+    The steady state begins when every error stays within twice its largest of the last 40 %.
+
+    Parameters
+    ----------
+    errors
+        One curve a plant, each of one column.
+
+    Returns
+    -------
+    float or None
+        None if there is no transient, or most of the run is one.
+    """
+    ends = [_settled_s(curve) for curve in errors]
+    duration = min(float(curve.times_s[-1]) for curve in errors)
+    if duration <= 0.0 or max(ends) <= 0.0:
+        return None
+    step = _round_up(duration / 20.0)
+    end = step * float(np.ceil(max(ends) / step))
+    return end if end <= _LONGEST_TRANSIENT * duration else None
+
+
+def _settled_s(error: Curve) -> float:
+    size = np.abs(error.values[:, 0])
+    late = int(np.floor((1.0 - _LAST_PART) * size.size))
+    outside = np.flatnonzero(size > _SETTLED * size[late:].max())
+    return float(error.times_s[outside[-1]]) if outside.size else 0.0
+
+
+def _round_up(value: float) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= value * 0.999))
+
+
+def _of_states(
+    graph: Graph, recording: Recording, plant: str, values: Callable[[Plant, FloatArray], FloatArray]
+) -> Curve:
+    first, states = recording.samples(plant)
+    times = seconds(np.arange(first, first + states.shape[0]), graph.ticks_per_second)
+    return Curve(np.asarray(times), values(dynamics(graph, plant), states))
+
+
+def _arrivals(
+    graph: Graph, recording: Recording, plant: str, port: str
+) -> Mapping[tuple[int, int], list[FloatArray]]:
+    """Values by tick and step of arrival."""
+    bags: dict[tuple[int, int], list[FloatArray]] = {}
+    for link in graph.hears[plant]:
+        if link.receivers[plant] != port:
+            continue
+        delay = link.channel.delay_ticks
+        for message in recording.messages[link.name]:
+            if not link.channel.loses(plant, message.sequence):
+                # Whatever comes late comes in the first step of its tick, whichever step it was sent in.
+                arrived = message.tick + delay, 0 if delay else message.step
+                bags.setdefault(arrived, []).append(message.value)
+    return bags

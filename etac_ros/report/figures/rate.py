@@ -1,0 +1,42 @@
+"""Angular velocity error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from etac_ros.report.figures import data, panels
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.style import Theme
+from etac_ros.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _draw(view: View, figure: Figure, theme: Theme) -> None:
+    run, other = view.run, view.other
+    for panel in panels.panel_grid(figure, run.graph.plants, view):
+        beside = None if other is None else data.rate(other.graph, other.recording, panel.row)
+        curve = data.rate(run.graph, run.recording, panel.row)
+        panels.draw_axes_of(panel, curve, "rate error", "deg/s", theme, beside)
+    panels.key(figure, theme, ("x", "y", "z"), dashed=view.other_label)
+
+
+def _caption(view: View) -> str:
+    ends = [
+        f"{figures.max_rate_deg_s:.3g} deg/s" + (f" ({plant})" if len(view.run.graph.plants) > 1 else "")
+        for plant, figures in view.run.summary.performance.items()
+    ]
+    return (
+        "Angular velocity error in body axes, from the committed samples. Over the last 40 % of the run its norm "
+        f"is {', '.join(ends)} at most."
+    )
+
+
+FIGURE = FigureKind(
+    name="rate",
+    title="Angular velocity error",
+    draw=_draw,
+    height_in=lambda view: panels.height_in(len(view.run.graph.plants)),
+    caption=_caption,
+)

@@ -1,0 +1,161 @@
+"""How figures look: two themes, and the settings that make a drawing the same bytes everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 7.2
+"""Width of every figure; with the sizes of type below it reads at 100 % on a page and, scrolled, on a phone."""
+PAGE_DPI = 220
+BUCKETS = 1100
+"""Pixel columns of a panel at most: what a curve is thinned out to."""
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours of a figure.
+
+    Attributes
+    ----------
+    paper, ink, muted, grid
+        Background, text, secondary text and lines.
+    axes
+        The three axes of a vector, or curves in their order. Chosen apart in lightness, too, so that they can
+        be told in grey and with any colour vision.
+    this, other, limit
+        The reported run, whatever is laid beside it, and thresholds.
+    """
+
+    name: str
+    paper: str
+    ink: str
+    muted: str
+    grid: str
+    axes: tuple[str, ...]
+    this: str
+    other: str
+    limit: str
+
+
+LIGHT = Theme(
+    name="light",
+    paper="#ffffff",
+    ink="#1c2430",
+    muted="#5b6675",
+    grid="#e3e7ec",
+    axes=("#0b3f91", "#cf5a0c", "#1fa187", "#8a6fd1"),
+    this="#0b4fae",
+    other="#7a8593",
+    limit="#c0392b",
+)
+DARK = Theme(
+    name="dark",
+    paper="#161b22",
+    ink="#e6eaf0",
+    muted="#a3adba",
+    grid="#2c343f",
+    axes=("#6fb1ff", "#ff9a4d", "#58d6bd", "#c3aef7"),
+    this="#6fb1ff",
+    other="#98a2b0",
+    limit="#ff8577",
+)
+
+
+def rendered(
+    draw: Callable[[Figure], None], size_in: tuple[float, float], theme: Theme, dpi: int = PAGE_DPI
+) -> bytes:
+    """Draw a figure and give its PNG file; the same drawing always gives the same bytes.
+
+    Parameters
+    ----------
+    draw
+        Fills an empty figure.
+    size_in
+        Width and height [in].
+    theme
+        Colours.
+    dpi
+        Pixels an inch.
+    """
+    # Imported here: matplotlib costs a second, and a bag that cannot be read should not have to wait for it.
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context():
+        # The reader's own matplotlibrc shall not change a report.
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_settings(theme))
+        figure = Figure(figsize=size_in, dpi=dpi, layout="constrained")
+        FigureCanvasAgg(figure)
+        draw(figure)
+        file = BytesIO()
+        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+    return file.getvalue()
+
+
+def _settings(theme: Theme) -> dict[str, Any]:
+    return {
+        "font.family": "DejaVu Sans",  # comes with matplotlib
+        "font.size": 8.0,
+        "axes.titlesize": 8.0,
+        "axes.titlecolor": theme.muted,
+        "axes.titlelocation": "left",
+        "axes.titlepad": 5.0,
+        "axes.labelsize": 8.0,
+        "axes.labelcolor": theme.ink,
+        "axes.edgecolor": theme.muted,
+        "axes.linewidth": 0.7,
+        "axes.facecolor": theme.paper,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": theme.grid,
+        "grid.linewidth": 0.6,
+        "xtick.color": theme.muted,
+        "ytick.color": theme.muted,
+        "xtick.labelcolor": theme.ink,
+        "ytick.labelcolor": theme.ink,
+        "xtick.labelsize": 7.5,
+        "ytick.labelsize": 7.5,
+        "xtick.major.width": 0.7,
+        "ytick.major.width": 0.7,
+        "xtick.minor.size": 0.0,
+        "ytick.minor.size": 0.0,
+        "legend.fontsize": 8.0,
+        "legend.frameon": False,
+        "legend.labelcolor": theme.ink,
+        "legend.borderaxespad": 0.0,
+        "legend.columnspacing": 1.6,
+        "legend.handlelength": 1.8,
+        "lines.linewidth": 1.1,
+        "figure.facecolor": theme.paper,
+        "savefig.facecolor": theme.paper,
+        "text.color": theme.ink,
+        "figure.constrained_layout.h_pad": 0.05,
+        "figure.constrained_layout.w_pad": 0.05,
+        "axes.formatter.limits": (-4, 5),
+        "axes.formatter.use_mathtext": True,
+    }
+
+
+def prefixed(unit: str, largest: float) -> tuple[float, str]:
+    """A factor and a unit with which a value of this size reads well, for instance 1000 and ``mN m``."""
+    if not 0.0 < largest < 0.05:
+        return 1.0, unit
+    return (1e3, f"m{unit}") if largest >= 5e-5 else (1e6, f"µ{unit}")
+
+
+def thousands(axes: Axes) -> None:
+    """Write the numbers of the vertical axis with separators, as the tables do."""
+    from matplotlib.ticker import FuncFormatter
+
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))

@@ -1,0 +1,298 @@
+"""Run a scenario with either engine and get its summary: what the command line does, for programs."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from etac_ros import __version__
+from etac_ros.bag.definitions import schema_text
+from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.read import read_bag
+from etac_ros.bag.recover import recover
+from etac_ros.bag.topics import TopicDescription, recorded_topics
+from etac_ros.bag.write import BagWriter, check_writable
+from etac_ros.engines.inprocess import InProcess
+from etac_ros.engines.recording import Recording
+from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
+from etac_ros.scenario.load import Scenario, load
+from etac_ros.timing.windows import WindowPolicy
+from etac_ros.traffic import Summary, Timing, summarise
+
+_WARM_UP_TICKS = 40
+SCENARIO_ATTACHMENT = "scenario.yaml"
+
+Progress = Callable[[int, "dict[str, int]"], None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run."""
+
+    scenario: Scenario
+    summary: Summary
+    recording: Recording
+    bag: Path | None
+
+
+def windows_of(scenario: Scenario) -> WindowPolicy:
+    """The window lengths that a scenario asks for.
+
+    Raises
+    ------
+    ScenarioError
+        If the first is longer than the longest.
+    """
+    section = scenario.run.windows
+    try:
+        return WindowPolicy(section.first, section.longest)
+    except ValueError as error:
+        raise ScenarioError(f"{scenario.path}: windows", str(error)) from None
+
+
+def warm_up(scenario: Scenario) -> None:
+    """Compile every kernel that the scenario needs, by running its first ticks in process.
+
+    Compiling takes seconds the first time; afterwards the machine code comes from the cache.
+    """
+    graph = scenario.build()
+    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+
+def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
+    """A name for the bag of a run that starts now."""
+    variant = f"_{scenario.variant}" if scenario.variant else ""
+    stem = f"{scenario.name}{variant}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+    path = folder / stem
+    number = 1
+    while path.exists():
+        number += 1
+        path = folder / f"{stem}_{number}"
+    return path
+
+
+def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
+    """What a bag says of its run."""
+    return {
+        "scenario": scenario.name,
+        "variant": scenario.variant or "",
+        "overrides": json.dumps(dict(scenario.overrides)),
+        "seed": str(scenario.run.seed),
+        "engine": engine,
+        "version": __version__,
+        "digest": scenario.digest,
+        "ticks_per_second": str(scenario.run.ticks_per_second),
+    }
+
+
+def open_bag(
+    scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()
+) -> BagWriter:
+    """Create the bag of a run, with the complete parameter file inside."""
+    topics = (*recorded_topics(scenario.build()), *extra)
+    attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
+    return BagWriter(directory, topics, attachments, bag_metadata(scenario, engine))
+
+
+def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
+    """Run a scenario by calls, in this process.
+
+    Parameters
+    ----------
+    scenario
+        What to run.
+    bag
+        Directory of a bag to write; None writes none.
+
+    Raises
+    ------
+    RunHalted
+        If a watch ended the run.
+    """
+    began = time.perf_counter()
+    windows = windows_of(scenario)
+    if bag is not None:
+        check_writable(bag)
+    warm_up(scenario)
+    graph = scenario.build()
+    engine = InProcess(graph, windows)
+    started = time.perf_counter()
+    recording = engine.run()
+    ended = time.perf_counter()
+    if bag is not None:
+        attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
+        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments)
+    summary = summarise(
+        scenario,
+        graph,
+        recording,
+        "inprocess",
+        Timing(startup_s=started - began, loop_s=ended - started, total_s=time.perf_counter() - began),
+        halted=engine.master.halted,
+        bag=None if bag is None else str(bag),
+    )
+    _raise_if_halted(scenario, engine.master.halted, engine.master.tick)
+    return Run(scenario, summary, recording, bag)
+
+
+@dataclass(frozen=True)
+class RosOptions:
+    """How a run over DDS is spread and recorded.
+
+    Attributes
+    ----------
+    processes
+        One process a ``node``, a ``namespace``, or ``one`` for all (the recorder always has its own).
+    domain
+        ROS domain; None takes a free one.
+    record_windows
+        Put the windows of the emulation plane into the bag, too.
+    """
+
+    processes: str = "node"
+    domain: int | None = None
+    record_windows: bool = False
+
+
+def run_over_ros(
+    scenario: Scenario,
+    bag: Path,
+    options: RosOptions = RosOptions(),
+    on_progress: Progress = lambda tick, fired: None,
+    on_start: Callable[[dict[str, int]], None] = lambda pids: None,
+) -> Run:
+    """Run a scenario as a node graph over DDS, record it, and compare all counts.
+
+    Parameters
+    ----------
+    scenario
+        What to run.
+    bag
+        Directory of the bag to write.
+    options
+        How it is spread and recorded.
+    on_progress
+        Told the tick and the triggers so far.
+    on_start
+        Told the process of each node.
+
+    Raises
+    ------
+    EtacError
+        If the run could not be finished; what had happened until then is in the bag, which is readable.
+    """
+    # Only here, so that everything else works without ROS.
+    from etac_ros.engines.ros.domain import take_domain
+    from etac_ros.engines.ros.launcher import Launcher, Processes
+    from etac_ros.engines.ros.plan import Plan, window_topic
+    from etac_ros.engines.ros.tally import check_counts
+
+    began = time.perf_counter()
+    windows = windows_of(scenario)
+    check_writable(bag)
+    warm_up(scenario)
+    graph = scenario.build()
+    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows)
+    extra: tuple[TopicDescription, ...] = ()
+    if options.record_windows:
+        kind = "std_msgs/msg/Float64MultiArray"
+        extra = tuple(TopicDescription(window_topic(plant), kind, "emulation") for plant in graph.plants)
+    for topic in (*recorded_topics(graph), *extra):
+        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
+    lease = take_domain(options.domain, shared=bool(graph.external))
+    try:
+        launcher = Launcher(
+            plan,
+            Processes(options.processes),
+            lease,
+            lambda: open_bag(scenario, bag, "ros", extra),
+            on_progress,
+            on_start,
+        )
+        outcome = launcher.run()
+    except BaseException:
+        make_readable(bag)
+        raise
+    finally:
+        lease.release()
+    recorded = read_bag(bag)
+    counts = {topic.name: count for topic, count in recorded.topics.items()}
+    check_counts(plan, outcome, {name: count.messages for name, count in counts.items()})
+    recording = recorded.recording()
+    sizes = {name: count.cdr_bytes for name, count in counts.items()}
+    total = time.perf_counter() - began
+    summary = summarise(
+        scenario,
+        graph,
+        recording,
+        "ros",
+        Timing(startup_s=launcher.started_s - began, loop_s=outcome.loop_s, total_s=total),
+        plane=_plane(outcome.sent_by_topic()),
+        measured_cdr=sizes,
+        memory_kib=outcome.memory_kib(),
+        halted=outcome.halted,
+        bag=str(bag),
+    )
+    _raise_if_halted(scenario, outcome.halted, outcome.tick)
+    return Run(scenario, summary, recording, bag)
+
+
+def make_readable(bag: Path) -> None:
+    """Repair the bag of a failed run if its recorder could not complete it."""
+    if not bag.is_dir():
+        return
+    try:
+        recover(bag)
+    except BagError as error:
+        print(f"the bag of the failed run could not be repaired: {error}")
+
+
+def baseline_of(scenario: Scenario) -> Scenario | None:
+    """The baseline with which a scenario compares itself, under the same overrides; None if it is the baseline.
+
+    Overrides of keys that the baseline does not have (its trigger rule is another class) are left out.
+    """
+    name = scenario.run.baseline
+    if name is None or name == scenario.variant or name not in scenario.variants:
+        return None
+    kept: list[str] = []
+    for key, value in scenario.overrides.items():
+        assignment = f"{key}={json.dumps(value)}"
+        try:
+            load(str(scenario.path), name, [*kept, assignment])
+        except EtacError:
+            continue
+        kept.append(assignment)
+    return load(str(scenario.path), name, kept)
+
+
+def scenario_in(bag: Path, folder: Path) -> Scenario:
+    """The scenario that a bag carries, loaded from a copy of its parameter file in ``folder``."""
+    text = read_bag(bag).attachments[SCENARIO_ATTACHMENT]
+    path = folder / SCENARIO_ATTACHMENT
+    path.write_bytes(text)
+    return load(str(path))
+
+
+def _plane(sent: dict[str, tuple[int, int]]) -> dict[str, tuple[str, int, int]]:
+    tables = ("/window", "/truth")
+    return {
+        topic: (
+            "rosgraph_msgs/msg/Clock"
+            if topic == "/clock"
+            else "std_msgs/msg/Float64MultiArray" if topic.endswith(tables) else "std_msgs/msg/String",
+            messages,
+            size,
+        )
+        for topic, (messages, size) in sent.items()
+    }  # fmt: skip
+
+
+def _raise_if_halted(scenario: Scenario, halted: str, tick: int) -> None:
+    if halted:
+        at = tick / scenario.run.ticks_per_second
+        raise RunHalted(f"scenario '{scenario.name}'", f"halted at simulated time {at:.6g} s: {halted}")

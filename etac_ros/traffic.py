@@ -1,0 +1,271 @@
+"""What crossed the links of a run, and how well the spacecraft pointed meanwhile: the summary of a run.
+
+The models below are the machine-readable summary that ``--json`` writes; ``summary.schema.json`` is made from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from etac_ros.engines.recording import Recording
+from etac_ros.maths.ticks import seconds
+from etac_ros.modules.graph import Graph, LinkKind
+from etac_ros.modules.plant import PlantModule
+from etac_ros.scenario.load import Scenario
+
+Kind = Literal["network", "internal", "emulation"]
+_LAST_PART = 0.4
+"""Steady figures are taken over this last part of a run."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Triggers(_Model):
+    """Triggering instants of one sensor."""
+
+    count: int
+    min_interval_s: float | None = Field(description="shortest inter-event time; null below two triggers")
+    mean_interval_s: float | None
+    max_interval_s: float | None
+    times_s: list[float]
+
+
+class Totals(_Model):
+    """Messages and bytes."""
+
+    messages: int
+    payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
+    cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
+
+
+class Topic(Totals):
+    """What one topic carried."""
+
+    kind: Kind
+    type: str
+    first_s: float | None = Field(description="simulated time of the first message; null if unknown or none")
+    last_s: float | None
+
+
+class Performance(_Model):
+    """How well one plant pointed."""
+
+    attitude_error_deg: float = Field(description="at the end")
+    rate_deg_s: float = Field(description="at the end")
+    max_attitude_error_deg: float = Field(description="over the last 40 % of the run")
+    max_rate_deg_s: float = Field(description="over the last 40 % of the run")
+    energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
+
+
+class Timing(_Model):
+    """Wall time."""
+
+    startup_s: float = Field(description="until the first window: processes, discovery, ready barrier")
+    loop_s: float = Field(description="from the first window to the last report")
+    total_s: float = Field(description="start to summary")
+
+
+class PublishedValue(_Model):
+    """A figure of the paper."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Summary(_Model):
+    """The summary of one run."""
+
+    scenario: str
+    variant: str | None
+    engine: Literal["ros", "inprocess"]
+    overrides: dict[str, JsonValue]
+    seed: int
+    duration_s: float = Field(description="simulated")
+    halted: str = Field(description="why a watch ended the run early; empty otherwise")
+    triggers: dict[str, Triggers] = Field(description="by the sensor's full name")
+    topics: dict[str, Topic]
+    network: Totals
+    internal: Totals
+    emulation: Totals
+    final_state: dict[str, list[float]] = Field(description="by plant; the digits restore the very bits")
+    performance: dict[str, Performance] = Field(description="by plant")
+    timing: Timing
+    memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
+    bag: str | None
+    published: dict[str, PublishedValue]
+    measured: dict[str, float] = Field(description="the figures that stand beside the published ones")
+    baseline: Summary | None = Field(default=None, description="the same of the baseline, where it was run")
+
+
+def summarise(
+    scenario: Scenario,
+    graph: Graph,
+    recording: Recording,
+    engine: Literal["ros", "inprocess"],
+    timing: Timing,
+    *,
+    plane: Mapping[str, tuple[str, int, int]] | None = None,
+    measured_cdr: Mapping[str, int] | None = None,
+    memory_kib: Mapping[str, int] | None = None,
+    halted: str = "",
+    bag: str | None = None,
+) -> Summary:
+    """The summary of a recorded run.
+
+    Parameters
+    ----------
+    scenario, graph
+        What was run.
+    recording
+        What came of it.
+    engine, timing, memory_kib, halted, bag
+        Taken over.
+    plane
+        Topics of the emulation plane: type, messages, CDR bytes.
+    measured_cdr
+        CDR bytes of each link's topic as raw subscriptions measured them; without it they are computed.
+    """
+    topics = _link_topics(graph, recording, measured_cdr)
+    for name, (kind, messages, size) in (plane or {}).items():
+        if name not in topics:
+            topics[name] = Topic(
+                kind="emulation", type=kind, messages=messages, payload_bytes=0, cdr_bytes=size,
+                first_s=None, last_s=None,
+            )  # fmt: skip
+    summary = Summary(
+        scenario=scenario.name,
+        variant=scenario.variant,
+        engine=engine,
+        overrides=dict(scenario.overrides),
+        seed=scenario.run.seed,
+        duration_s=scenario.run.duration_s,
+        halted=halted,
+        triggers=_triggers(graph, recording),
+        topics=topics,
+        network=_totals(topics, "network"),
+        internal=_totals(topics, "internal"),
+        emulation=_totals(topics, "emulation"),
+        final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
+        performance={name: _performance(graph, recording, name) for name in graph.plants},
+        timing=timing,
+        memory_kib=dict(memory_kib or {}),
+        bag=bag,
+        published={
+            name: PublishedValue(**figure.model_dump()) for name, figure in scenario.published.items()
+        },
+        measured={},
+    )
+    return with_measured(summary, None)
+
+
+def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
+    """The summary with the figures that stand beside the paper's, and with its baseline."""
+    measured = {
+        "triggers": float(sum(triggers.count for triggers in summary.triggers.values())),
+        "network_messages": float(summary.network.messages),
+        "network_payload_bytes": float(summary.network.payload_bytes),
+    }
+    for name, triggers in summary.triggers.items():
+        measured[f"triggers{name.replace('/', '_')}"] = float(triggers.count)
+    longest = [t.max_interval_s for t in summary.triggers.values() if t.max_interval_s is not None]
+    if longest:
+        measured["max_interval_s"] = max(longest)
+    if baseline is not None:
+        measured["baseline_messages"] = float(baseline.network.messages)
+        measured["baseline_payload_bytes"] = float(baseline.network.payload_bytes)
+        if baseline.network.payload_bytes:
+            ratio = summary.network.payload_bytes / baseline.network.payload_bytes
+            measured["reduction_percent"] = 100.0 * (1.0 - ratio)
+    return summary.model_copy(update={"measured": measured, "baseline": baseline})
+
+
+def trigger_ticks(graph: Graph, recording: Recording, module: str) -> list[int]:
+    """Triggering instants of a module: the ticks at which it sent something."""
+    ticks = {message.tick for link in graph.sends[module] for message in recording.messages[link.name]}
+    return sorted(ticks)
+
+
+def _triggers(graph: Graph, recording: Recording) -> dict[str, Triggers]:
+    found = {}
+    for name in graph.lookers:
+        if not graph.modules[name].triggers:
+            continue
+        ticks = np.array(trigger_ticks(graph, recording, name), dtype=np.int64)
+        gaps = seconds(np.diff(ticks), graph.ticks_per_second)
+        found[name] = Triggers(
+            count=ticks.size,
+            min_interval_s=float(gaps.min()) if gaps.size else None,
+            mean_interval_s=float(gaps.mean()) if gaps.size else None,
+            max_interval_s=float(gaps.max()) if gaps.size else None,
+            times_s=seconds(ticks, graph.ticks_per_second).tolist(),
+        )
+    return found
+
+
+def _link_topics(
+    graph: Graph, recording: Recording, measured_cdr: Mapping[str, int] | None
+) -> dict[str, Topic]:
+    topics = {}
+    for link in graph.links.values():
+        messages = recording.messages[link.name]
+        times = [seconds(message.tick, graph.ticks_per_second) for message in messages]
+        physical = link.kind is LinkKind.PHYSICAL
+        computed = len(messages) * link.wire.cdr_bytes
+        topics[link.topic] = Topic(
+            kind="emulation" if physical else link.kind.value,
+            type=link.wire.type_name,
+            messages=len(messages),
+            payload_bytes=0 if physical else len(messages) * link.wire.payload_bytes,
+            cdr_bytes=computed if measured_cdr is None else measured_cdr.get(link.topic, 0),
+            first_s=min(times, default=None),
+            last_s=max(times, default=None),
+        )
+    return topics
+
+
+def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:
+    chosen = [topic for topic in topics.values() if topic.kind == kind]
+    return Totals(
+        messages=sum(topic.messages for topic in chosen),
+        payload_bytes=sum(topic.payload_bytes for topic in chosen),
+        cdr_bytes=sum(topic.cdr_bytes for topic in chosen),
+    )
+
+
+def _performance(graph: Graph, recording: Recording, name: str) -> Performance:
+    module = graph.modules[name]
+    assert isinstance(module, PlantModule)
+    _, states = recording.samples(name)
+    angles = np.degrees(module.plant.attitude_angle(states))
+    rates = np.degrees(np.linalg.norm(states[:, module.plant.rate_slice], axis=1))
+    late = int(np.floor((1.0 - _LAST_PART) * states.shape[0]))
+    return Performance(
+        attitude_error_deg=float(angles[-1]),
+        rate_deg_s=float(rates[-1]),
+        max_attitude_error_deg=float(angles[late:].max()),
+        max_rate_deg_s=float(rates[late:].max()),
+        energy_n2m2s=_energy(graph, recording, name, states.shape[0] - 1),
+    )
+
+
+def _energy(graph: Graph, recording: Recording, plant: str, last_tick: int) -> float:
+    """Integral of the square of the torques held at a plant, exact since they are piecewise constant."""
+    energy = 0.0
+    for link in graph.hears[plant]:
+        held = [
+            (message.tick + link.channel.delay_ticks, message.value)
+            for message in recording.messages[link.name]
+            if not link.channel.loses(plant, message.sequence)
+        ]
+        ends = [tick for tick, _ in held[1:]] + [last_tick]
+        for (tick, torque), end in zip(held, ends, strict=False):
+            held_s = seconds(max(min(end, last_tick) - tick, 0), graph.ticks_per_second)
+            energy += float(torque @ torque) * held_s
+    return energy

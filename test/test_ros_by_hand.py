@@ -1,0 +1,162 @@
+"""Nodes started by hand, each in a process of its own: any order, the same scenario, foreign nodes welcome."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros.domain import DomainLease, take_domain
+from etac_ros.runs import RosOptions, run_in_process, run_over_ros
+from etac_ros.scenario.load import load
+from toy import toy, trace
+
+Start = Callable[..., "subprocess.Popen[str]"]
+LIMIT_S = 90
+
+FOREIGN = """
+import rclpy
+from geometry_msgs.msg import Point32
+
+rclpy.init()
+node = rclpy.create_node("my_own_controller")
+publisher = node.create_publisher(Point32, "/torque_command", 10)
+k = 26.113821209155528
+
+
+def on_error(s):
+    publisher.publish(Point32(x=-k * s.x, y=-k * s.y, z=-k * s.z))
+
+
+node.create_subscription(Point32, "/filtered_error", on_error, 10)
+print("ready", flush=True)
+rclpy.spin(node)
+"""
+
+
+@pytest.fixture
+def lease() -> Iterator[DomainLease]:
+    """A ROS domain of the test's own."""
+    lease = take_domain()
+    yield lease
+    lease.release()
+
+
+@pytest.fixture
+def start(tmp_path: Path, lease: DomainLease) -> Iterator[Start]:
+    """Starts a process in the domain; all are ended by the test."""
+    processes: list[subprocess.Popen[str]] = []
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(lease.domain), "PYTHONPATH": path}
+
+    def begin(*arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def node(start: Start, name: str, file: Path, *more: str) -> subprocess.Popen[str]:
+    return start("-m", "etac_ros", "node", name, str(file), *more)
+
+
+def test_any_order(tmp_path: Path, start: Start) -> None:
+    scenario = load("wu2018", overrides=["duration_s=100"])
+    file = tmp_path / "wu.yaml"
+    file.write_text(scenario.text)
+    others = [node(start, name, file) for name in ("actuator", "sensor", "controller", "plant")]
+    # The last to come is the recorder, after another has said that it is ready.
+    assert others[1].stdout is not None
+    assert "ready" in others[1].stdout.readline()
+    recorder = node(start, "recorder", file, "--bag", "bag")
+    for process in [*others, recorder]:
+        output, _ = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0, output
+    recorded = read_bag(tmp_path / "bag").recording()
+    expected = run_in_process(scenario).recording
+    assert trace(recorded) == trace(expected)
+
+
+
+def test_two_plants_have_a_coordinator_of_their_own(tmp_path: Path, start: Start) -> None:
+    scenario = toy(tmp_path, {"a": {"at": [3, 6]}, "b": {"at": [3, 4, 6]}})
+    names = [*scenario.nodes, "recorder", "coordinator"]
+    file = tmp_path / "toy.yaml"
+    processes = [node(start, name, file, *(["--bag", "bag"] if name == "recorder" else [])) for name in names]
+    for process in processes:
+        output, _ = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0, output
+    assert trace(read_bag(tmp_path / "bag").recording()) == trace(run_in_process(scenario).recording)
+
+
+def test_another_scenario_is_refused(tmp_path: Path, start: Start) -> None:
+    ours, other = tmp_path / "ours.yaml", tmp_path / "other.yaml"
+    ours.write_text(load("wu2018", overrides=["duration_s=100"]).text)
+    other.write_text(load("wu2018", overrides=["duration_s=100", "sensor.trigger.alpha=0.4"]).text)
+    plant = node(start, "plant", ours)
+    for name in ("controller", "actuator"):
+        node(start, name, ours)
+    node(start, "recorder", ours, "--bag", "bag")
+    sensor = node(start, "sensor", other)
+    for process in (plant, sensor):
+        output, _ = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 1
+        assert "another scenario" in output
+        assert "/sensor" in output
+
+
+def test_a_node_that_dies_is_named_by_the_others(tmp_path: Path, start: Start) -> None:
+    file = tmp_path / "long.yaml"
+    file.write_text(load("wu2018", "periodic", ["duration_s=100000", "sensor.trigger.period_s=0.25"]).text)
+    plant = node(start, "plant", file)
+    rest = [node(start, name, file) for name in ("controller", "actuator")]
+    recorder = node(start, "recorder", file, "--bag", "bag")
+    sensor = node(start, "sensor", file)
+    bag_appears(tmp_path / "bag", recorder)
+    sensor.send_signal(signal.SIGKILL)
+    output, _ = plant.communicate(timeout=LIMIT_S)
+    assert plant.returncode == 1
+    assert "/sensor" in output
+    for process in [*rest, recorder]:
+        process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 1
+    assert read_bag(tmp_path / "bag").recording().messages["filtered_error"]
+
+
+def bag_appears(bag: Path, recorder: subprocess.Popen[str]) -> None:
+    """Wait until the recorder has something on disk."""
+    while recorder.poll() is None:
+        if any(file.stat().st_size > 20_000 for file in bag.glob("*.mcap")):
+            return
+        os.sched_yield()
+    raise AssertionError(recorder.communicate()[0])
+
+
+def test_a_foreign_controller_plays_along(tmp_path: Path, start: Start, lease: DomainLease) -> None:
+    script = tmp_path / "foreign.py"
+    script.write_text(FOREIGN)
+    foreign = start(str(script))
+    assert foreign.stdout is not None
+    assert foreign.stdout.readline().strip() == "ready"
+    lease.release()
+    scenario = load("wu2018", overrides=["duration_s=100", "controller.external=true"])
+    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(domain=lease.domain))
+    assert foreign.poll() is None
+    own = run_in_process(load("wu2018", overrides=["duration_s=100"]))
+    assert trace(run.recording) == trace(own.recording)
