@@ -5,6 +5,7 @@ The models below are the machine-readable summary that ``--json`` writes; ``summ
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Literal
 
@@ -102,6 +103,12 @@ class Summary(_Model):
     published: dict[str, PublishedValue]
     measured: dict[str, float] = Field(description="the figures that stand beside the published ones")
     baseline: Summary | None = Field(default=None, description="the same of the baseline, where it was run")
+
+
+def summary_schema() -> str:
+    """The JSON schema of a summary: the text of ``summary.schema.json``."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Summary.model_json_schema()}
+    return json.dumps(schema, indent=2) + "\n"
 
 
 def summarise(

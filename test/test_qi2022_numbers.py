@@ -26,7 +26,7 @@ SLIDING_MODE = ("/sm/controller", "law")
 def sections(variant: str | None = None) -> Tree:
     """The scenario file with a variant laid over it."""
     tree = read_sections(_FILE)
-    return tree if variant is None else with_variant(tree, variant, str(_FILE))
+    return tree if variant is None else with_variant(tree, variant, str(_FILE), tree["/**"])
 
 
 def made(component: tuple[str, str], variant: str | None = None, **changes: Any) -> Any:

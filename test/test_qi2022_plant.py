@@ -15,7 +15,7 @@ from etac_ros.parameters import FloatArray, square
 from etac_ros.plants.pm_sm import PmSm, PmSmParameters
 
 # Everything that the scenario leaves at zero, and sizes at which each term matters within 30 s.
-_HARD: dict[str, Any] = {
+HARD: dict[str, Any] = {
     "orbit_rate_rad_s": [0.004, -0.02, 0.007],
     "cmg_momentum_nms": [0.5, -0.8, 0.3],
     "ncla_disturbance_nm": [0.01, 0.02, -0.015],
@@ -166,7 +166,7 @@ def _aligned(states: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("reading", list(_READINGS))
 def test_second_formulation_agrees_over_30_s(reading: str) -> None:
     """Piecewise-constant torques, everything switched on: 1e-9 in every component of the state."""
-    parameters = plant_parameters(**_HARD, **_READINGS[reading], substeps=16)
+    parameters = plant_parameters(**HARD, **_READINGS[reading], substeps=16)
     plant, second = PmSm(parameters, TICKS_PER_SECOND), Inertial(parameters)
     random = np.random.default_rng(20)
     state = plant.initial_state()
@@ -197,7 +197,7 @@ def _angular_momentum(parameters: PmSmParameters, state: FloatArray) -> FloatArr
 
 def test_angular_momentum_is_conserved_whatever_the_ncla_does() -> None:
     """The NCLA's torque is internal. With the panels in the gyroscopic term, nothing at all changes the sum."""
-    parameters = plant_parameters(**{**_HARD, **_QUIET}, gyroscopic_panels=True, substeps=8)
+    parameters = plant_parameters(**{**HARD, **_QUIET}, gyroscopic_panels=True, substeps=8)
     plant = PmSm(parameters, TICKS_PER_SECOND)
     random = np.random.default_rng(3)
     state = plant.initial_state()
@@ -211,7 +211,7 @@ def test_angular_momentum_is_conserved_whatever_the_ncla_does() -> None:
 
 def test_printed_equation_loses_exactly_the_panels_gyroscopic_term() -> None:
     """Eq. (4) as printed: the momentum drifts by the integral of ``omega_si x Delta eta_dot``."""
-    parameters = plant_parameters(**{**_HARD, **_QUIET}, substeps=4)
+    parameters = plant_parameters(**{**HARD, **_QUIET}, substeps=4)
     fine = 200
     plant = PmSm(parameters, fine)
     states = np.vstack([plant.initial_state(), plant.propagate(plant.initial_state(), 0, 10 * fine, np.zeros(6))])
@@ -232,7 +232,7 @@ def test_integrator_is_of_fourth_order() -> None:
     """Half the step, a sixteenth of the error."""
     finals = []
     for substeps in (1, 2, 4, 64):
-        plant = PmSm(plant_parameters(**_HARD, substeps=substeps), TICKS_PER_SECOND)
+        plant = PmSm(plant_parameters(**HARD, substeps=substeps), TICKS_PER_SECOND)
         state = plant.initial_state()
         finals.append(plant.propagate(state, 0, 10 * TICKS_PER_SECOND, np.full(6, 0.1))[-1])
     errors = [float(np.linalg.norm(final - finals[-1])) for final in finals[:-1]]
@@ -275,7 +275,7 @@ torques = arrays(np.float64, 6, elements=st.floats(-5.0, 5.0))
 def test_windows_do_not_change_a_bit(
     state: FloatArray, held: FloatArray, tick: int, count: int, data: st.DataObject
 ) -> None:
-    plant = PmSm(plant_parameters(**_HARD), TICKS_PER_SECOND)
+    plant = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND)
     whole = plant.propagate(state, tick, count, held)
     split = data.draw(st.integers(1, count - 1))
     first = plant.propagate(state, tick, split, held)
@@ -286,7 +286,7 @@ def test_windows_do_not_change_a_bit(
 @given(state=states(), held=torques)
 @settings(max_examples=60, deadline=None)
 def test_attitudes_stay_unit_quaternions(state: FloatArray, held: FloatArray) -> None:
-    after = PmSm(plant_parameters(**_HARD), TICKS_PER_SECOND).propagate(state, 0, 20, held)
+    after = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND).propagate(state, 0, 20, held)
     assert np.isfinite(after).all()
     for attitude in (slice(0, 4), slice(7, 11)):
         assert np.allclose(np.linalg.norm(after[:, attitude], axis=1), 1.0, rtol=0.0, atol=1e-14)
@@ -297,7 +297,7 @@ def test_attitudes_stay_unit_quaternions(state: FloatArray, held: FloatArray) ->
 def test_both_quaternions_of_an_attitude_move_alike(
     state: FloatArray, held: FloatArray, signs: tuple[float, float]
 ) -> None:
-    plant = PmSm(plant_parameters(**_HARD), TICKS_PER_SECOND)
+    plant = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND)
     factors = np.ones(20)
     factors[0:4], factors[7:11] = signs
     assert np.array_equal(plant.propagate(state * factors, 0, 5, held), plant.propagate(state, 0, 5, held) * factors)
@@ -307,7 +307,7 @@ def test_both_quaternions_of_an_attitude_move_alike(
 @settings(max_examples=60, deadline=None)
 def test_nothing_done_to_the_sm_moves_the_pm(state: FloatArray, held: FloatArray, other: FloatArray) -> None:
     """Without contact: the PM feels the NCLA's commanded torque and nothing else of the SM."""
-    plant = PmSm(plant_parameters(**_HARD), TICKS_PER_SECOND)
+    plant = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND)
     torque_pm = held[:3]
     moved = state.copy()
     moved[7:] = PmSm(plant_parameters(), TICKS_PER_SECOND).initial_state()[7:]

@@ -56,6 +56,7 @@ class Contents:
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, bytes] = {}
         self._types: dict[int, str] = {}
+        self._chunked = False
 
     def messages(self) -> Iterator[RawMessage]:
         """Read the file from its beginning.
@@ -76,16 +77,20 @@ class Contents:
                 yield message
 
     def _take(self, record: Record) -> RawMessage | None:
+        # Schemas and channels stand a second time in the summary, whose checksum comes too late to vouch for them.
+        # They are needed there only in a bag without chunks, so without messages: nothing can go wrong with it.
+        self._chunked = self._chunked or record.in_chunk
+        vouched = record.in_chunk or not self._chunked
         stream = ReadDataStream(BytesIO(record.content))
         match record.opcode:
-            case Opcode.MESSAGE:
+            case Opcode.MESSAGE if record.in_chunk:
                 channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
                 cdr = record.content[_MESSAGE.size :]
                 return RawMessage(self.topics[channel_id], log_time, publish_time, sequence, cdr)
-            case Opcode.SCHEMA:
+            case Opcode.SCHEMA if vouched:
                 schema = Schema.read(stream)
                 self._types[schema.id] = schema.name
-            case Opcode.CHANNEL:
+            case Opcode.CHANNEL if vouched:
                 channel = Channel.read(stream)
                 self.topics[channel.id] = self._topic(channel)
             case Opcode.METADATA:

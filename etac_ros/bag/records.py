@@ -30,11 +30,18 @@ class DamagedBagError(BagError):
 
 
 class Record(NamedTuple):
-    """One record, its content checked as far as the format allows."""
+    """One record.
+
+    Attributes
+    ----------
+    in_chunk
+        It stood in a chunk, so the checksum of the chunk vouches for it.
+    """
 
     opcode: int
     offset: int
     content: bytes
+    in_chunk: bool
 
 
 def records(path: Path) -> Iterator[Record]:
@@ -79,7 +86,7 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
             raise damaged(path, offset, "no record begins here")
         if length > size - offset - _HEAD.size:
             raise damaged(path, offset, "the file was cut off within this record")
-        record = Record(opcode, offset, file.read(length))
+        record = Record(opcode, offset, file.read(length), in_chunk=False)
         if len(record.content) < length:  # shortened while it was read
             raise damaged(path, offset, "the file was cut off within this record")
         if opcode == Opcode.DATA_END:
@@ -136,5 +143,5 @@ def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
         first = place + _HEAD.size
         if length > len(data) - first:
             raise damaged(path, start + place, "this chunk ends within a record")
-        yield Record(opcode, start + place, data[first : first + length])
+        yield Record(opcode, start + place, data[first : first + length], in_chunk=True)
         place = first + length

@@ -101,6 +101,14 @@ def node(
 
 
 @app.command()
+def schema() -> None:
+    """Print the JSON schema of what --json writes."""
+    from etac_ros.traffic import summary_schema
+
+    typer.echo(summary_schema(), nl=False)
+
+
+@app.command()
 def info(bag: BagPath) -> None:
     """List a bag's topics, types, counts, bytes and duration."""
     from etac_ros.cli.show import make_console, show_bag

@@ -36,6 +36,7 @@ class FilteredError:
     Parameters = FilteredErrorParameters
     size = 3
     label = "s"
+    unit = "rad/s"
 
     def __init__(self, parameters: FilteredErrorParameters, ticks_per_second: int) -> None:
         self._beta = parameters.beta

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.report.figures.data import attitude_angle, transient_end_s
+from etac_ros.report.figures.data import Margins, attitude_angle, margins, transient_end_s, trigger_modules
 from etac_ros.report.source import ReportedRun
 from etac_ros.scenario.schema import PublishedFigure
 
@@ -30,6 +30,14 @@ class View:
         """Where the steady state begins, the same in all figures [s]; None if the figures stay whole."""
         run = self.run
         return transient_end_s([attitude_angle(run.graph, run.recording, plant) for plant in run.graph.plants])
+
+    @cached_property
+    def margins(self) -> dict[str, Margins]:
+        """What the trigger rule of each sensor compared, where it compares anything."""
+        # A sensor remembers what it has measured, so it takes a fresh graph to let it measure once more.
+        graph = self.run.scenario.build()
+        found = {name: margins(graph, self.run.recording, name) for name in trigger_modules(graph)}
+        return {name: compared for name, compared in found.items() if compared is not None}
 
     @property
     def other_label(self) -> str:

@@ -8,58 +8,55 @@ import numpy as np
 
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.sensor import Sensor
-from etac_ros.report.figures import data, panels
-from etac_ros.report.figures.data import Curve, Margins
+from etac_ros.report.figures import panels
+from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
-from etac_ros.report.figures.style import BUCKETS, Theme
+from etac_ros.report.figures.style import BUCKETS, Theme, logarithmic
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LONGEST_SYMBOL = 3
 _DECADES_BELOW = 2.0
 """How far below the smallest threshold the vertical axis goes: right after a message the error is nearly zero."""
 
 
-def _margins(view: View) -> dict[str, Margins]:
-    # A graph's sensors remember what they have measured, so each look takes a fresh one.
-    graph = view.run.scenario.build()
-    found = {name: data.margins(graph, view.run.recording, name) for name in data.trigger_modules(graph)}
-    return {name: margins for name, margins in found.items() if margins is not None}
-
-
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
-    found = _margins(view)
+    found = view.margins
     for panel in panels.panel_grid(figure, tuple(found), view):
         margins = found[panel.row]
         times = np.asarray(seconds(margins.ticks, view.run.graph.ticks_per_second))
         both = panel.part(Curve(times, np.stack([margins.errors, margins.thresholds], axis=1)))
         fired = panel.part(Curve(times[margins.fired], margins.errors[margins.fired][:, np.newaxis]))
         axes = panel.axes
-        axes.set_yscale("log")
+        logarithmic(axes)
         axes.plot(*decimated(both.times_s, both.values[:, 0], BUCKETS), color=theme.this, linewidth=0.8)
         axes.plot(*decimated(both.times_s, both.values[:, 1], BUCKETS), color=theme.limit, linewidth=1.2)
         axes.plot(fired.times_s, fired.values[:, 0], "o", color=theme.limit, markersize=2.2, markeredgewidth=0.0)
         positive = both.values[:, 1][both.values[:, 1] > 0.0]
         if positive.size:
             axes.set_ylim(positive.min() * 10.0**-_DECADES_BELOW, 2.0 * both.values.max())
-        symbol, unit = _symbol_and_unit(view, panel.row)
-        axes.set_ylabel(f"|{symbol}(held) − {symbol}|" + (f" [{unit}]" if unit else ""))
+        axes.set_ylabel(_label(view, panel.row))
     names = ("error", "threshold", "triggering instant")
     panels.key(figure, theme, names, (theme.this, theme.limit, theme.limit))
     figure.legends[0].get_lines()[2].set(marker="o", markersize=3.5, linestyle="none")
 
 
-def _symbol_and_unit(view: View, sensor: str) -> tuple[str, str]:
+def _label(view: View, sensor: str) -> str:
     module = view.run.graph.modules[sensor]
     assert isinstance(module, Sensor)
-    return module.signal.label, getattr(module.signal, "unit", "")
+    symbol = module.signal.label
+    # A list of several quantities is no symbol to take a difference of.
+    error = f"|{symbol}(tᵢ) − {symbol}|" if len(symbol) <= _LONGEST_SYMBOL else "error"
+    unit = getattr(module.signal, "unit", "")
+    return f"{error} [{unit}]" if unit else error
 
 
 def _caption(view: View) -> str:
     noisy = any(
-        view.run.scenario.nodes[name].get("noise", {}).get("enters", "nowhere") != "nowhere" for name in _margins(view)
+        view.run.scenario.nodes[name].get("noise", {}).get("enters", "nowhere") != "nowhere" for name in view.margins
     )
     seen = "what the sensor measured, its noise and filter included" if noisy else "the committed samples"
     return (
@@ -73,7 +70,7 @@ FIGURE = FigureKind(
     name="margin",
     title="Error and threshold of the trigger rule",
     draw=_draw,
-    height_in=lambda view: panels.height_in(len(_margins(view))),
+    height_in=lambda view: panels.height_in(len(view.margins)),
     caption=_caption,
-    applies=lambda view: bool(_margins(view)),
+    applies=lambda view: bool(view.margins),
 )

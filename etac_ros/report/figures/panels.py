@@ -93,31 +93,40 @@ def draw_axes_of(
         for column in range(behind.values.shape[1]):
             panel.axes.plot(
                 *decimated(behind.times_s, factor * behind.values[:, column], BUCKETS),
-                color=theme.axes[column],
+                color=theme.colour(column),
                 linewidth=0.9,
                 linestyle=(0, (4, 2)),
                 alpha=0.65,
             )
     for column in range(part.values.shape[1]):
         panel.axes.plot(
-            *decimated(part.times_s, factor * part.values[:, column], BUCKETS), color=theme.axes[column]
+            *decimated(part.times_s, factor * part.values[:, column], BUCKETS), color=theme.colour(column)
         )
     panel.axes.axhline(0.0, color=theme.muted, linewidth=0.5, zorder=1.5)
     panel.axes.set_ylabel(f"{label} [{unit}]")
 
 
 def key(
-    figure: Figure, theme: Theme, names: Sequence[str], colours: Sequence[str] | None = None, dashed: str = ""
+    place: Figure | Axes,
+    theme: Theme,
+    names: Sequence[str],
+    colours: Sequence[str] | None = None,
+    dashed: str = "",
 ) -> None:
-    """Put one legend above all panels; ``dashed`` names the run that is drawn with dashes."""
+    """Put one legend above all panels, or into the corner of one; ``dashed`` names the run drawn with dashes."""
+    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
+    colours = colours or [theme.colour(number) for number in range(len(names))]
     handles = [
         Line2D([], [], color=colour, linewidth=1.6, label=name)
-        for name, colour in zip(names, colours or theme.axes, strict=False)
+        for name, colour in zip(names, colours, strict=True)
     ]
     if dashed:
         handles.append(
-            Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 2)), label=f"dashed: {dashed}")
+            Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 2)), label=dashed)
         )
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
+    if isinstance(place, Figure):
+        place.legend(handles=handles, loc="outside upper left", ncols=len(handles))
+    else:
+        place.legend(handles=handles, loc="upper right", ncols=len(handles))

@@ -43,6 +43,10 @@ class Theme:
     other: str
     limit: str
 
+    def colour(self, number: int) -> str:
+        """Colour of the curve with this number, counted from 0."""
+        return self.axes[number % len(self.axes)]
+
 
 LIGHT = Theme(
     name="light",
@@ -133,7 +137,8 @@ def _settings(theme: Theme) -> dict[str, Any]:
         "legend.fontsize": 8.0,
         "legend.frameon": False,
         "legend.labelcolor": theme.ink,
-        "legend.borderaxespad": 0.0,
+        "legend.borderaxespad": 0.2,
+        "legend.borderpad": 0.3,
         "legend.columnspacing": 1.6,
         "legend.handlelength": 1.8,
         "lines.linewidth": 1.1,
@@ -142,6 +147,7 @@ def _settings(theme: Theme) -> dict[str, Any]:
         "text.color": theme.ink,
         "figure.constrained_layout.h_pad": 0.05,
         "figure.constrained_layout.w_pad": 0.05,
+        "figure.constrained_layout.wspace": 0.04,
         "axes.formatter.limits": (-4, 5),
         "axes.formatter.use_mathtext": True,
     }
@@ -152,6 +158,22 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
     if not 0.0 < largest < 0.05:
         return 1.0, unit
     return (1e3, f"m{unit}") if largest >= 5e-5 else (1e6, f"µ{unit}")
+
+
+def logarithmic(axes: Axes) -> None:
+    """Make the vertical axis logarithmic, marked at its decades only."""
+    from matplotlib.ticker import NullLocator
+
+    axes.set_yscale("log")
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
+def plain_logarithmic(axes: Axes) -> None:
+    """Make the vertical axis logarithmic, with its decades written out: 0.1, 1, 10."""
+    from matplotlib.ticker import FuncFormatter
+
+    logarithmic(axes)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def thousands(axes: Axes) -> None:

@@ -1,0 +1,93 @@
+"""Triggering instants on a time line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from etac_ros.parameters import FloatArray
+from etac_ros.report.figures import data
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.style import Theme
+from etac_ros.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ROW_IN = 0.3
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of strokes.
+
+    Attributes
+    ----------
+    name
+        Stands on the left.
+    instants_s
+        Where the strokes are [s].
+    beside
+        Whether it belongs to the run that is laid beside the reported one.
+    """
+
+    name: str
+    instants_s: FloatArray
+    beside: bool
+
+
+def rows(view: View) -> list[Row]:
+    """The sensors of this run, then those of the other one."""
+    found = []
+    for run, label in ((view.run, "this run"), (view.other, view.other_label)):
+        if run is None:
+            continue
+        names = data.trigger_modules(run.graph)
+        for name in names:
+            if view.other is None or (len(names) > 1 and run is view.run):
+                words = name
+            else:
+                words = f"{name}, {label}" if len(names) > 1 else label
+            instants_s = data.instants_s(run.graph, run.recording, name)
+            found.append(Row(words, instants_s, run is not view.run))
+    return found
+
+
+def draw_on(axes: Axes, view: View, theme: Theme) -> None:
+    """Draw the rows with their names on the left and their counts on the right; the overview does so, too."""
+    found = rows(view)
+    for place, row in enumerate(found):
+        colour = theme.other if row.beside else theme.this
+        axes.vlines(row.instants_s, place - 0.36, place + 0.36, color=colour, linewidth=0.8)
+        axes.annotate(
+            f"{row.instants_s.size:,}",
+            (1.0, place),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+            fontweight="bold",
+        )
+    axes.set_yticks(range(len(found)), [row.name for row in found])
+    axes.set_ylim(len(found) - 0.4, -0.6)
+    axes.set_xlim(0.0, view.run.end_s)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0.0)
+    axes.spines["left"].set_visible(False)
+
+
+def _draw(view: View, figure: Figure, theme: Theme) -> None:
+    axes = figure.subplots()
+    draw_on(axes, view, theme)
+    axes.set_xlabel("time [s]")
+
+
+FIGURE = FigureKind(
+    name="raster",
+    title="Triggering instants",
+    draw=_draw,
+    height_in=lambda view: 0.6 + _ROW_IN * len(rows(view)),
+    caption=lambda view: "Every stroke is a triggering instant; the number of them stands on the right.",
+)

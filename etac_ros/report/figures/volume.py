@@ -1,0 +1,114 @@
+"""Bytes that the network links have carried, over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from etac_ros.report.figures import data
+from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.style import Theme, thousands
+from etac_ros.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class _Line:
+    """One curve, and how it is drawn."""
+
+    name: str
+    curve: Curve
+    style: dict[str, Any]
+
+    @property
+    def total(self) -> float:
+        return float(self.curve.values[-1, 0])
+
+
+def _lines(view: View, theme: Theme) -> list[_Line]:
+    run, other = view.run, view.other
+    measured = data.cumulative_bytes(run.graph, run.recording)
+    lines = [_Line("this run", measured, {"color": theme.this, "linewidth": 1.7})]
+    if other is not None:
+        beside = data.cumulative_bytes(other.graph, other.recording)
+        lines.append(_Line(view.other_label, beside, {"color": theme.other, "linewidth": 1.5}))
+    published = view.paper_baseline
+    if published is not None and view.baseline is None:
+        ends = Curve(np.array([0.0, run.end_s]), np.array([[0.0], [published.value]]))
+        style = {"color": theme.other, "linewidth": 1.3, "linestyle": (0, (5, 3))}
+        lines.append(_Line(f"baseline as published ({view.source}), not measured", ends, style))
+    return lines
+
+
+def draw_on(axes: Axes, view: View, theme: Theme) -> None:
+    """Draw all curves, each with its name and total at its end; the overview does so, too."""
+    lines = _lines(view, theme)
+    end_s = max(float(line.curve.times_s[-1]) for line in lines)
+    highest = max(max(line.total for line in lines), 1.0)
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(0.0, 1.14 * highest)
+    thousands(axes)
+    axes.set_ylabel("payload [bytes]")
+    for line in lines:
+        # Rounding the ends keeps a straight line straight: only what comes in messages is a staircase.
+        straight = line.curve.times_s.size == 2
+        axes.plot(
+            line.curve.times_s,
+            line.curve.values[:, 0],
+            drawstyle="default" if straight else "steps-post",
+            **line.style,
+        )
+    heights = _spread([line.total for line in lines], 0.1 * highest)
+    for line, height in zip(lines, heights, strict=True):
+        axes.annotate(
+            f"{line.name}: {line.total:,.0f} B",
+            (end_s, height),
+            xytext=(-3, 3),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            color=line.style["color"],
+            fontweight="bold" if line.name == "this run" else "normal",
+            bbox={"facecolor": theme.paper, "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
+        )
+
+
+def _spread(totals: list[float], apart: float) -> list[float]:
+    """Heights of the labels: those of the curves' ends, moved up where they would cover each other."""
+    heights = list(totals)
+    for number, place in enumerate(sorted(range(len(totals)), key=totals.__getitem__)):
+        if number:
+            heights[place] = max(heights[place], heights[below] + apart)
+        below = place
+    return heights
+
+
+def _draw(view: View, figure: Figure, theme: Theme) -> None:
+    axes = figure.subplots()
+    draw_on(axes, view, theme)
+    axes.set_xlabel("time [s]")
+
+
+def _caption(view: View) -> str:
+    text = "Payload that had crossed all network links together, 4 bytes a component, as the papers count."
+    if view.paper_baseline is not None and view.baseline is None:
+        text += (
+            f" The dashed line spreads the {view.paper_baseline.value:,.0f} bytes that the paper gives for its "
+            "baseline evenly over the run; it was not measured. Give the bag of a baseline run to measure it."
+        )
+    return text
+
+
+FIGURE = FigureKind(
+    name="bytes",
+    title="Bytes on the network",
+    draw=_draw,
+    height_in=lambda view: 2.6,
+    caption=_caption,
+)

@@ -1,0 +1,89 @@
+"""Every command and every piece of Python in the README works as it stands there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from etac_ros.cli.nodes import parse_arguments
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import load
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)
+COMMANDS = [
+    line.removeprefix("$ ").partition("  #")[0].strip()
+    for kind, block in BLOCKS
+    if kind == "console"
+    for line in block.splitlines()
+    if line.startswith("$ ")
+]
+# Not again from inside the tests: the tests themselves, and what measures for a minute.
+ELSEWHERE = ("./scripts/test", "./scripts/bench")
+NEEDS_OTHERS = ("node ", "external=true", "ros2 run")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working folder with a bag, and with the README's law in ``mine.py``."""
+    folder = tmp_path_factory.mktemp("readme")
+    run_in_process(load("wu2018", None, ["duration_s=100"]), folder / "bags" / "BAG")
+    (folder / "mine.py").write_text(snippet("class DeadZone"))
+    return folder
+
+
+def snippet(containing: str) -> str:
+    """The Python block that contains a text."""
+    (found,) = [block for kind, block in BLOCKS if kind == "python" and containing in block]
+    return found
+
+
+def test_the_two_commands_come_first() -> None:
+    assert COMMANDS[0] == "./scripts/run wu2018"
+    assert COMMANDS[1] == "./scripts/test"
+    assert README.index("./scripts/run wu2018") < 600
+
+
+@pytest.mark.parametrize(
+    "command",
+    [c for c in COMMANDS if not c.startswith(ELSEWHERE) and not any(words in c for words in NEEDS_OTHERS)],
+)
+def test_command(command: str, folder: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *sys.path])}
+    words = command.removeprefix("PYTHONPATH=. ")
+    program = f"{shlex.quote(sys.executable)} -m etac_ros"
+    words = re.sub(r"^\./scripts/etac", program, re.sub(r"^\./scripts/run", f"{program} run", words))
+    done = subprocess.run(
+        words, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_executables_take_the_arguments_of_the_readme() -> None:
+    (command,) = [c for c in COMMANDS if c.startswith("ros2 run etac_ros")]
+    executable, *arguments = command.split()[3:]
+    assert parse_arguments(executable, arguments) == ("/sensor", "my_run.yaml", None)
+
+
+def test_reading_a_bag(folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", snippet("AnyReader")],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Point32" in done.stdout
+
+
+def test_files_that_the_readme_links_to_exist() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target

@@ -1,0 +1,55 @@
+"""A recorder that comes late sees everybody, also in a large formation: 40 participants on one machine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+from etac_ros.engines.ros.domain import dds_environment, take_domain
+
+PARTICIPANTS = 40
+
+# In a process of its own: a process that has initialised rclpy must not be forked afterwards.
+SCRIPT = """
+import sys
+import rclpy
+import rclpy.executors
+from rclpy.context import Context
+from rclpy.node import Node
+from std_msgs.msg import String
+
+def participant(name):
+    context = Context()
+    rclpy.init(context=context)
+    return Node(name, context=context, start_parameter_services=False, enable_rosout=False)
+
+count = int(sys.argv[1])
+nodes = [participant(f"participant_{i}") for i in range(count)]
+publishers = [node.create_publisher(String, f"/topic_{i}", 10) for i, node in enumerate(nodes)]
+late = participant("late_recorder")
+executor = rclpy.executors.SingleThreadedExecutor(context=late.context)
+executor.add_node(late)
+seen, rounds = 0, 0
+while seen < count and rounds < 2000:
+    executor.spin_once(timeout_sec=0.01)
+    seen = sum(late.count_publishers(f"/topic_{i}") for i in range(count))
+    rounds += 1
+print(seen)
+"""
+
+
+def test_a_late_participant_sees_all() -> None:
+    lease = take_domain()
+    environment = {**os.environ, **dds_environment(lease.domain)}
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(PARTICIPANTS)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    lease.release()
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == PARTICIPANTS
