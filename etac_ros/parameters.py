@@ -77,5 +77,5 @@ def vector(values: Sequence[float]) -> FloatArray:
 
 def square(values: Sequence[float]) -> FloatArray:
     """The row-major parameter list as a contiguous square matrix."""
-    size = int(round(len(values) ** 0.5))
+    size = round(len(values) ** 0.5)
     return np.array(values, dtype=np.float64).reshape(size, size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -26,7 +26,7 @@ from etac_ros.traffic import Summary, Timing, summarise
 _WARM_UP_TICKS = 40
 SCENARIO_ATTACHMENT = "scenario.yaml"
 
-Progress = Callable[[int, "dict[str, int]"], None]
+Progress = Callable[[int, Mapping[str, int]], None]
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,9 @@ def run_over_ros(
         kind = "std_msgs/msg/Float64MultiArray"
         extra = tuple(TopicDescription(window_topic(plant), kind, "emulation") for plant in graph.plants)
     for topic in (*recorded_topics(graph), *extra):
-        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
+        schema_text(
+            topic.type_name
+        )  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain, shared=bool(graph.external))
     try:
         launcher = Launcher(

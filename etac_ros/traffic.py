@@ -41,7 +41,9 @@ class Totals(_Model):
     """Messages and bytes."""
 
     messages: int
-    payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
+    payload_bytes: int = Field(
+        description="4 bytes a component, as the papers count; 0 on the emulation plane"
+    )
     cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
 
 

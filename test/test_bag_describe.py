@@ -34,9 +34,7 @@ def bag(tmp_path):
                 time = log_time_ns(tick, 10)
                 writer.write(topic.name, encode(topic.type_name, np.ones(size), time), time, time, sequence)
         writer.write(WINDOW.name, encode(WINDOW.type_name, np.ones(100), 0), 0, 0, 1)
-        writer.write(
-            TRUTH.name, encode_truth(0, np.ones((31, 2))), log_time_ns(30, 10), log_time_ns(30, 10), 1
-        )
+        writer.write(TRUTH.name, encode_truth(0, np.ones((31, 2))), log_time_ns(30, 10), log_time_ns(30, 10), 1)
     return tmp_path / "bag"
 
 

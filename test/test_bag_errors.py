@@ -26,9 +26,7 @@ def message(value, tick=0):
     return encode(SIGNAL.type_name, np.array(value, dtype=np.float64), log_time_ns(tick, 20))
 
 
-@pytest.mark.parametrize(
-    "make", [os.mkdir, lambda path: open(path, "x").close(), lambda path: os.symlink("no", path)]
-)
+@pytest.mark.parametrize("make", [os.mkdir, lambda path: open(path, "x").close(), lambda path: os.symlink("no", path)])
 def test_what_stands_there_already_is_not_written_to(tmp_path, make):
     path = tmp_path / "bag"
     make(path)
@@ -111,9 +109,7 @@ def test_what_is_no_bag_is_named(tmp_path, open_bag):
     (tmp_path / "two" / "b.mcap").touch()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "other_0.mcap").write_bytes(b"SQLite format 3 and so on")
-    (tmp_path / "other" / "metadata.yaml").write_text(
-        "rosbag2_bagfile_information: {topics_with_message_count: []}"
-    )
+    (tmp_path / "other" / "metadata.yaml").write_text("rosbag2_bagfile_information: {topics_with_message_count: []}")
     for name, found in {
         "nowhere": "is not there",
         "file.mcap": "is a file",

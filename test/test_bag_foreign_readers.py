@@ -83,8 +83,7 @@ def test_rosbags_reads_the_same_values(bag):
                 for connection, time, raw in reader.messages(connections)
             ]
             expected = [
-                (log_time_ns(i, 32), value.tolist())
-                for i, value in enumerate(values(WIRES[link.link]), start=1)
+                (log_time_ns(i, 32), value.tolist()) for i, value in enumerate(values(WIRES[link.link]), start=1)
             ]
             assert read == expected
 
@@ -103,9 +102,7 @@ def test_truth_is_an_ordinary_array_with_padding_in_front(bag):
     layout, data = message.layout, message.data
     assert [(d.label, d.size, d.stride) for d in layout.dim] == [("tick", 40, 280), ("state", 7, 7)]
     rows, columns = layout.dim[0].size, layout.dim[1].size
-    read = [
-        [data[layout.data_offset + layout.dim[1].stride * i + j] for j in range(columns)] for i in range(rows)
-    ]
+    read = [[data[layout.data_offset + layout.dim[1].stride * i + j] for j in range(columns)] for i in range(rows)]
     np.testing.assert_array_equal(read, SAMPLES)
 
 
@@ -120,9 +117,7 @@ def test_metadata_yaml_says_what_the_file_holds(bag):
         }
         assert reader.message_count == 200 * len(LINKS) + 1 == len(list(reader.messages()))
         assert reader.start_time == log_time_ns(1, 32)
-        assert (
-            reader.duration == log_time_ns(200, 32) - log_time_ns(1, 32) + 1
-        )  # rosbags ends behind the last
+        assert reader.duration == log_time_ns(200, 32) - log_time_ns(1, 32) + 1  # rosbags ends behind the last
         qos = reader.connections[0].ext.offered_qos_profiles[0]
         assert (qos.history.name, qos.reliability.name, qos.durability.name) == (
             "KEEP_ALL",
@@ -167,9 +162,7 @@ def test_the_file_alone_carries_index_statistics_metadata_and_attachments(bag):
         assert channels[TRUTH.name]["etac_ros.plant"] == "/sm/plant"
         assert channels["/point"]["topic_type_hash"] == type_hash("geometry_msgs/msg/Point32")
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-        assert (
-            metadata["etac_ros"].items() >= {"scenario": "toy", "seed": "7", "ticks_per_second": "32"}.items()
-        )
+        assert metadata["etac_ros"].items() >= {"scenario": "toy", "seed": "7", "ticks_per_second": "32"}.items()
         assert yaml.safe_load(metadata["rosbag2"]["serialized_metadata"])["version"] == 9
         assert [(a.name, a.data) for a in reader.iter_attachments()] == [("resolved.yaml", b"seed: 7\n")]
         assert len(list(reader.iter_messages())) == 200 * len(LINKS) + 1

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from etac_ros.runs import RosOptions, Run, run_over_ros
-from etac_ros.scenario.load import load
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+
+from etac_ros.runs import RosOptions, Run, run_over_ros
+from etac_ros.scenario.load import load
 
 
 @pytest.fixture(scope="module")

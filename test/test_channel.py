@@ -19,9 +19,7 @@ def fates(channel: Channel, receiver: str, count: int = MESSAGES) -> list[bool]:
 
 
 @given(seeds, names, names, st.floats(0.01, 0.99), st.lists(st.integers(1, 10**9), max_size=10))
-def test_fate_depends_on_nothing_else(
-    seed: int, link: str, receiver: str, loss: float, numbers: list[int]
-) -> None:
+def test_fate_depends_on_nothing_else(seed: int, link: str, receiver: str, loss: float, numbers: list[int]) -> None:
     channel = Channel(seed, link, loss=loss)
     fate = {number: channel.loses(receiver, number) for number in numbers}
     for number in sorted(numbers, reverse=True):
@@ -31,9 +29,7 @@ def test_fate_depends_on_nothing_else(
 
 
 @given(seeds, names, st.integers(1, 10**6), st.floats(0.0, 0.98), st.floats(0.0, 0.98))
-def test_a_lossier_channel_loses_the_same_and_more(
-    seed: int, link: str, number: int, one: float, other: float
-) -> None:
+def test_a_lossier_channel_loses_the_same_and_more(seed: int, link: str, number: int, one: float, other: float) -> None:
     low, high = sorted([one, other])
     if Channel(seed, link, loss=low).loses("/a", number):
         assert Channel(seed, link, loss=high).loses("/a", number)

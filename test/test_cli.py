@@ -34,7 +34,10 @@ def etac(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["run", "wu2018", "--set", "sensor.trigger.alpha=1.5"], ["sensor.trigger.alpha", "1.5"]),
         (["run", "wu2018", "--set", "duration_s=1.01"], ["duration_s", "1.03125"]),
         (["run", "wu2018", "--set", "alpha"], ["--set alpha", "key=value"]),
-        (["run", "wu2018", "--set", "windows={first: 9, longest: 3}"], ["windows", "no longer than the longest"]),
+        (
+            ["run", "wu2018", "--set", "windows={first: 9, longest: 3}"],
+            ["windows", "no longer than the longest"],
+        ),
     ],
 )
 def test_bad_input_starts_nothing(arguments: list[str], said: list[str], tmp_path: Path) -> None:

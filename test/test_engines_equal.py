@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from etac_ros.engines.recording import Recording
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
@@ -20,7 +21,11 @@ CASES = {
     "delay": (None, ["duration_s=200", "links.filtered_error.delay_ticks=3"]),
     "delay and loss": (
         None,
-        ["duration_s=200", "links.torque_command={delay_ticks: 2, loss: 0.3}", "links.filtered_error.loss=0.2"],
+        [
+            "duration_s=200",
+            "links.torque_command={delay_ticks: 2, loss: 0.3}",
+            "links.filtered_error.loss=0.2",
+        ],
     ),
     "sub-steps": (None, ["duration_s=100", "plant.dynamics.substeps=4"]),
 }
@@ -70,7 +75,10 @@ def test_a_different_start_is_noticed() -> None:
     """The comparison itself can fail."""
     one = run_in_process(load("wu2018", overrides=["duration_s=10"]))
     other = run_in_process(
-        load("wu2018", overrides=["duration_s=10", "plant.dynamics.attitude_euler_deg=[10.0, 5.0, -5.000000001]"])
+        load(
+            "wu2018",
+            overrides=["duration_s=10", "plant.dynamics.attitude_euler_deg=[10.0, 5.0, -5.000000001]"],
+        )
     )
     with pytest.raises(AssertionError):
         assert_same(one.recording, other.recording)

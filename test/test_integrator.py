@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,7 @@ def test_halving_the_step_divides_the_error_by_sixteen() -> None:
     torque = np.array([5.0, -10.0, 3.0])
     exact = run(body(2, substeps=128, **fast), 20, torque)[-1]
     errors = [
-        np.linalg.norm(run(body(2, substeps=substeps, **fast), 20, torque)[-1] - exact)
-        for substeps in (4, 8, 16)
+        np.linalg.norm(run(body(2, substeps=substeps, **fast), 20, torque)[-1] - exact) for substeps in (4, 8, 16)
     ]
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.2)
     assert errors[1] / errors[2] == pytest.approx(16.0, rel=0.1)
@@ -83,7 +83,7 @@ def test_windows_leave_no_trace(cuts: list[int], torque: FloatArray, substeps: i
     state = plant.initial_state()
     together = plant.propagate(state, first, TICKS, torque)
     parts = []
-    for start, end in zip(cuts, cuts[1:], strict=False):
+    for start, end in pairwise(cuts):
         parts.append(plant.propagate(state, first + start, end - start, torque))
         state = parts[-1][-1]
     assert np.concatenate(parts).tobytes() == together.tobytes()

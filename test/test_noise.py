@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,9 +21,7 @@ cuts = st.lists(st.integers(0, TICKS), max_size=6).map(lambda some: sorted({0, T
 def test_windows_of_any_cut_give_the_same_draws(first: int, width: int, cuts: list[int]) -> None:
     key = stream_key(1, "/sensor")
     together = normals(key, first, TICKS, width)
-    parts = [
-        normals(key, first + start, end - start, width) for start, end in zip(cuts, cuts[1:], strict=False)
-    ]
+    parts = [normals(key, first + start, end - start, width) for start, end in pairwise(cuts)]
     assert together.shape == (TICKS, width)
     assert np.concatenate(parts).tobytes() == together.tobytes()
 

@@ -1,8 +1,8 @@
-"""The figures of qi2022, with a loop that is nothing but its equations, sample by sample: no modules, no windows.
+"""The figures of qi2022, from a loop that is nothing but its equations: no modules, no windows.
 
-At every tick the PM's torque comes first, then the SM's law and trigger with that torque, then both are held to the
-next tick. Counts that papers.md gives for this reading are asserted exactly: they do not move under perturbations of
-1e-9 of the start. Larger perturbations move them (the sequences are chaotic); a band stands for that.
+At every tick the PM's torque comes first, then the SM's law and trigger with that torque, then both are held
+to the next tick. The counts of this reading are asserted exactly, because they do not move under perturbations
+of 1e-9 of the start. Larger perturbations move them (the sequences are chaotic); bands stand for that.
 """
 
 from collections.abc import Callable
@@ -10,13 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from test_qi2022_numbers import MEASUREMENT, PLANT, PM_LAW, SLIDING_MODE, SM_LAW, TICKS_PER_SECOND, TRIGGER, made
+from test_qi2022_numbers import (
+    MEASUREMENT,
+    PLANT,
+    PM_LAW,
+    SLIDING_MODE,
+    SM_LAW,
+    TICKS_PER_SECOND,
+    TRIGGER,
+    made,
+)
 
-from etac_ros.laws.qi2022 import PmFeedback, PmFeedbackParameters
+from etac_ros.laws.qi2022 import PmFeedback, PmFeedbackParameters, TickArray
 from etac_ros.parameters import FloatArray
 
 _TICKS = 2000
-_CASES = {"case1": {}, "case2": {"delta": 0.8}, "case3": {"delta": 0.8, "epsilon": 50.0}}
+_CASES: dict[str, dict[str, float]] = {"case1": {}, "case2": {"delta": 0.8}, "case3": {"delta": 0.8, "epsilon": 50.0}}
 _PERIOD_S = 1.0 / TICKS_PER_SECOND
 
 
@@ -24,7 +33,7 @@ class Run(NamedTuple):
     """What a closed loop leaves behind."""
 
     states: FloatArray
-    triggers: FloatArray
+    triggers: TickArray
     """Ticks."""
 
     @property
@@ -35,7 +44,8 @@ class Run(NamedTuple):
     @property
     def relative_angles_deg(self) -> FloatArray:
         """About each axis of S."""
-        return np.degrees(made(PLANT).gap_angles(self.states))
+        angles: FloatArray = np.degrees(made(PLANT).gap_angles(self.states))
+        return angles
 
 
 def _exact(torque: FloatArray) -> FloatArray:
@@ -51,18 +61,18 @@ def closed_loop(
     start: FloatArray | None = None,
     wire: Callable[[FloatArray], FloatArray] = _exact,
     every_step: bool = False,
-    **trigger_changes: float,
+    trigger_changes: dict[str, float] | None = None,
 ) -> Run:
     """Run plant, PM law and event-triggered SM law from tick 0 to 100 s."""
     plant, pm, relative, sm = made(PLANT, variant), made(PM_LAW), made(MEASUREMENT), made(SM_LAW, variant)
-    feedback, trigger = PmFeedback(PmFeedbackParameters(), TICKS_PER_SECOND), made(TRIGGER, **trigger_changes)
+    feedback, trigger = PmFeedback(PmFeedbackParameters(), TICKS_PER_SECOND), made(TRIGGER, None, trigger_changes)
     state = plant.initial_state() if start is None else start
     states, triggers, held = [state], [], None
     for tick in range(_TICKS):
         now, sample = np.array([tick]), state[np.newaxis]
         torque_pm = pm.torque(feedback.evaluate(sample), now)
         watched = sm.watched(relative.evaluate(sample, torque_pm, now), now)
-        if held is None or every_step or trigger.first(watched, tick, held) == 0:
+        if held is None or every_step or trigger.first(watched, tick, held, triggers[-1]) == 0:
             held = wire(watched[0, :3])
             triggers.append(tick)
         state = plant.propagate(state, tick, 1, np.concatenate([torque_pm[0], held]))[0]
@@ -98,8 +108,8 @@ def case1() -> Run:
 
 @pytest.mark.parametrize(("case", "count", "paper"), [("case1", 210, 196), ("case2", 240, 208), ("case3", 263, 232)])
 def test_trigger_counts(case: str, count: int, paper: int) -> None:
-    """Table 3, in the reading of papers.md."""
-    triggers = closed_loop(**_CASES[case]).triggers
+    """Table 3: the reading's count, and the paper's within 16 %."""
+    triggers = closed_loop(trigger_changes=_CASES[case]).triggers
     assert len(triggers) == count
     assert triggers[0] == 0
     assert 0.0 < count / paper - 1.0 < 0.16
@@ -107,7 +117,7 @@ def test_trigger_counts(case: str, count: int, paper: int) -> None:
 
 @pytest.mark.parametrize(("case", "count"), [("case1", 196), ("case2", 216), ("case3", 238)])
 def test_trigger_counts_of_the_tuned_reading(case: str, count: int) -> None:
-    assert len(closed_loop("tuned", **_CASES[case]).triggers) == count
+    assert len(closed_loop("tuned", trigger_changes=_CASES[case]).triggers) == count
 
 
 @pytest.mark.parametrize("variant", [None, "tuned"])
@@ -163,15 +173,16 @@ def test_sliding_mode_settles_as_published() -> None:
 
 
 def test_an_update_at_every_step_tracks_better_than_events(case1: Run) -> None:
-    """2000 updates, and no oscillation that the trigger leaves."""
+    """2000 updates, for about half of the error that the events leave from 50 s on."""
     periodic = closed_loop(every_step=True)
     assert len(periodic.triggers) == 2000
-    late = slice(1000, None)
-    assert np.abs(periodic.relative_angles_deg[late]).max() < 0.2 * np.abs(case1.relative_angles_deg[late]).max()
+    errors = [np.abs(run.relative_angles_deg[1000:]).max() for run in (periodic, case1)]
+    assert errors[0] < 0.6 * errors[1]
 
 
-def test_heartbeat_costs_nothing_where_no_interval_is_that_long(case1: Run) -> None:
-    """5 s: longer than any interval of Case 1; 1 s: more messages, none of them later than that."""
-    trigger = made(TRIGGER, "heartbeat")
-    assert trigger.first(np.full((200, 9), 0.0), 0, np.ones(3), 0) == 0
-    assert case1.longest_interval_s < 5.0
+def test_heartbeat(case1: Run) -> None:
+    """Longer than every interval it changes nothing; shorter, it bounds them."""
+    assert np.array_equal(closed_loop(trigger_changes={"longest_silence_s": 5.0}).triggers, case1.triggers)
+    bounded = closed_loop(trigger_changes={"longest_silence_s": 1.0})
+    assert bounded.longest_interval_s == 1.0
+    assert not np.array_equal(bounded.triggers, case1.triggers)

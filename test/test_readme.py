@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from etac_ros.cli.nodes import parse_arguments
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
@@ -60,7 +61,14 @@ def test_command(command: str, folder: Path) -> None:
     program = f"{shlex.quote(sys.executable)} -m etac_ros"
     words = re.sub(r"^\./scripts/etac", program, re.sub(r"^\./scripts/run", f"{program} run", words))
     done = subprocess.run(
-        words, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+        words,
+        shell=True,
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
 

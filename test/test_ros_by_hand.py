@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from toy import toy, trace
+
 from etac_ros.bag.read import read_bag
 from etac_ros.engines.ros.domain import DomainLease, take_domain
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
-from toy import toy, trace
 
 Start = Callable[..., "subprocess.Popen[str]"]
 LIMIT_S = 90
@@ -91,7 +92,6 @@ def test_any_order(tmp_path: Path, start: Start) -> None:
     recorded = read_bag(tmp_path / "bag").recording()
     expected = run_in_process(scenario).recording
     assert trace(recorded) == trace(expected)
-
 
 
 def test_two_plants_have_a_coordinator_of_their_own(tmp_path: Path, start: Start) -> None:

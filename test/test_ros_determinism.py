@@ -1,4 +1,4 @@
-"""The same scenario puts the same payloads on the network, whatever else the machine does and however long windows are."""
+"""The same scenario puts the same payloads on the network, however busy the machine and however long the windows."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+
 from etac_ros.bag.read import read_bag
 from etac_ros.engines.recording import Recording
 from etac_ros.errors import EtacError, RunError
@@ -85,8 +86,6 @@ def test_interrupted_run_leaves_a_bag_and_no_process(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_over_ros(
-            load("wu2018", "periodic", FOREVER), bag, on_progress=interrupt, on_start=pids.update
-        )
+        run_over_ros(load("wu2018", "periodic", FOREVER), bag, on_progress=interrupt, on_start=pids.update)
     assert not [pid for pid in pids.values() if psutil.pid_exists(pid)]
     assert read_bag(bag).recording().messages["filtered_error"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+
 from etac_ros.runs import run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 from etac_ros.traffic import Summary, summary_schema, with_measured
@@ -58,7 +59,11 @@ def test_figures_of_the_summary(summaries: dict[str, Summary]) -> None:
     assert triggers.mean_interval_s == pytest.approx(sum(gaps) / len(gaps))
     for name in ("/filtered_error", "/torque_command"):
         topic = ros.topics[name]
-        assert (topic.kind, topic.messages, topic.payload_bytes) == ("network", triggers.count, 12 * triggers.count)
+        assert (topic.kind, topic.messages, topic.payload_bytes) == (
+            "network",
+            triggers.count,
+            12 * triggers.count,
+        )
         assert topic == inprocess.topics[name]
         assert (topic.first_s, topic.last_s) == (triggers.times_s[0], triggers.times_s[-1])
     assert ros.network.payload_bytes == 24 * triggers.count

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from toy import toy, trace
+
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import ProtocolError
 from etac_ros.runs import RosOptions, run_over_ros
 from etac_ros.scenario.load import Scenario
 from etac_ros.timing.windows import WindowPolicy
-from toy import toy, trace
 
 
 class Case(NamedTuple):
@@ -126,7 +127,7 @@ def test_a_message_moves_anothers_trigger(length: int, tmp_path: Path) -> None:
     warned = toy(tmp_path, {"a": {"at": [3]}, "b": {"above": 4.5}})
     lines = trace(InProcess(warned.build(), WindowPolicy(length, length)).run())
     # The bound has doubled to 9 when a was heard; b's ramp passes it at tick 10.
-    assert [line for line in lines if "b_says" in line][0] == "10:0 b_says#1=1010"
+    assert next(line for line in lines if "b_says" in line) == "10:0 b_says#1=1010"
 
 
 def test_a_loop_without_delay_names_its_links(tmp_path: Path) -> None:

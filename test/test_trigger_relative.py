@@ -48,9 +48,7 @@ def test_bound_holds_before_the_index_and_fails_at_it(
 
 
 @given(st.one_of(signals, near_signals), helds, inside, gammas, st.integers(0, 10**6))
-def test_window_equals_one_by_one(
-    signals: FloatArray, held: FloatArray, alpha: float, gamma: float, tick: int
-) -> None:
+def test_window_equals_one_by_one(signals: FloatArray, held: FloatArray, alpha: float, gamma: float, tick: int) -> None:
     trigger = rule(alpha, gamma)
     each = [trigger.first(signals[i : i + 1], tick + i, held) for i in range(len(signals))]
     assert trigger.first(signals, tick, held) == (each.index(0) if 0 in each else -1)
@@ -71,9 +69,7 @@ def test_windows_of_any_cut_find_the_same_sample(
 
 
 @given(near_signals, helds, inside, gammas)
-def test_margin_tells_what_the_rule_compares(
-    signals: FloatArray, held: FloatArray, alpha: float, gamma: float
-) -> None:
+def test_margin_tells_what_the_rule_compares(signals: FloatArray, held: FloatArray, alpha: float, gamma: float) -> None:
     trigger = rule(alpha, gamma)
     margin = trigger.margin(signals, held)
     assert margin is not None

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+
 from etac_ros.engines.recording import Recording
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters

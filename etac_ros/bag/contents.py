@@ -77,8 +77,8 @@ class Contents:
                 yield message
 
     def _take(self, record: Record) -> RawMessage | None:
-        # Schemas and channels stand a second time in the summary, whose checksum comes too late to vouch for them.
-        # They are needed there only in a bag without chunks, so without messages: nothing can go wrong with it.
+        # Schemas and channels stand a second time in the summary, whose checksum comes too late to vouch for
+        # them. They are needed from there only if there are no chunks: then there is no message to spoil.
         self._chunked = self._chunked or record.in_chunk
         vouched = record.in_chunk or not self._chunked
         stream = ReadDataStream(BytesIO(record.content))

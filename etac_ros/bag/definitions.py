@@ -65,6 +65,4 @@ def type_hash(type_name: str) -> str:
 
 def _check(type_name: str) -> None:
     if type_name not in typestore().fielddefs:
-        raise BagError(
-            type_name, "there is no such message type", "one of the common interfaces of ROS 2 Jazzy"
-        )
+        raise BagError(type_name, "there is no such message type", "one of the common interfaces of ROS 2 Jazzy")

@@ -84,9 +84,7 @@ class Bag:
             of a plant has gaps.
         """
         links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
-        truth: dict[str, list[tuple[int, FloatArray]]] = {
-            t.plant: [] for t in self.topics if t.plant is not None
-        }
+        truth: dict[str, list[tuple[int, FloatArray]]] = {t.plant: [] for t in self.topics if t.plant is not None}
         for raw in self.messages():
             try:
                 if raw.topic.link is not None:

@@ -21,6 +21,8 @@ from etac_ros.errors import BagError
 
 _HEAD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQI")
+_INDEX = struct.Struct("<HI")
+_INDEX_ENTRY_BYTES = 16
 _LENGTH32 = struct.Struct("<I")
 _LENGTH64 = struct.Struct("<Q")
 
@@ -66,9 +68,7 @@ def records(path: Path) -> Iterator[Record]:
 
 def damaged(path: Path, offset: int, found: str) -> DamagedBagError:
     """Make the error for a place in a file."""
-    return DamagedBagError(
-        str(path), f"byte {offset}: {found}", "a bag that was closed", f"etac recover {path.parent}"
-    )
+    return DamagedBagError(str(path), f"byte {offset}: {found}", "a bag that was closed", f"etac recover {path.parent}")
 
 
 def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
@@ -77,6 +77,7 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
         raise BagError(str(path), "is no MCAP file", "a bag that etac_ros recorded")
     crc = zlib.crc32(magic)
     offset = len(magic)
+    not_indexed = 0
     while True:
         head = file.read(_HEAD.size)
         if len(head) < _HEAD.size:
@@ -100,10 +101,26 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
         else:
             crc = zlib.crc32(record.content, zlib.crc32(head, crc))
         if opcode == Opcode.CHUNK:
-            yield from _unpacked(record, path)
+            not_indexed = 0
+            for inner in _unpacked(record, path):
+                not_indexed += inner.opcode == Opcode.MESSAGE
+                yield inner
         else:
+            if opcode == Opcode.MESSAGE_INDEX:
+                # A chunk whose opcode was changed would be passed over, and leave a gap. Its index gives it away.
+                not_indexed -= _indexed(record, path)
+                if not_indexed < 0:
+                    raise damaged(path, offset, "the chunk of this index is missing")
             yield record
         offset += _HEAD.size + length
+
+
+def _indexed(record: Record, path: Path) -> int:
+    """Count the messages that a message index points to."""
+    if len(record.content) < _INDEX.size:
+        raise damaged(path, record.offset, "this record is too short")
+    _, length = _INDEX.unpack_from(record.content)
+    return int(length // _INDEX_ENTRY_BYTES)
 
 
 def _compare(record: Record, place: int, crc: int, path: Path) -> None:
@@ -125,9 +142,7 @@ def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
     except struct.error:
         raise damaged(path, chunk.offset, "this chunk is too short") from None
     if compression:
-        raise BagError(
-            str(path), "its chunks are compressed", "chunks as etac_ros writes them", "mcap decompress"
-        )
+        raise BagError(str(path), "its chunks are compressed", "chunks as etac_ros writes them", "mcap decompress")
     place += named + _LENGTH64.size
     data = chunk.content[place:]
     if not length == size == len(data):

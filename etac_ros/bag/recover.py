@@ -98,9 +98,7 @@ def _copy(path: Path, output: Path, found: str) -> tuple[str, dict[str, int]]:
     except DamagedBagError as damage:
         found = damage.found
     if whole == 0:
-        raise BagError(
-            str(path), f"no message in it is whole ({found})", "one at least", "nothing can be saved"
-        )
+        raise BagError(str(path), f"no message in it is whole ({found})", "one at least", "nothing can be saved")
     check_origin(contents)
     topics = list(contents.topics.values())
     counts = {topic.name: 0 for topic in topics}

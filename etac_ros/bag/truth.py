@@ -75,9 +75,7 @@ def unpack_truth(data: FloatArray, data_offset: int, sizes: Sequence[int]) -> tu
         If the message is not laid out like that.
     """
     if data_offset != DATA_OFFSET or len(sizes) != 2:
-        raise ValueError(
-            f"data_offset {data_offset} and {len(sizes)} dimensions instead of {DATA_OFFSET} and 2"
-        )
+        raise ValueError(f"data_offset {data_offset} and {len(sizes)} dimensions instead of {DATA_OFFSET} and 2")
     ticks, states = sizes
     if ticks < 1 or data.shape != (DATA_OFFSET + ticks * states,):
         raise ValueError(f"{data.size} numbers instead of a tick and {ticks} x {states} samples")

@@ -183,8 +183,7 @@ class BagWriter:
 
     def _announce(self, definitions: Mapping[str, tuple[str, str]]) -> dict[str, int]:
         schemas = {
-            name: self._mcap.register_schema(name, "ros2msg", text.encode())
-            for name, (text, _) in definitions.items()
+            name: self._mcap.register_schema(name, "ros2msg", text.encode()) for name, (text, _) in definitions.items()
         }
         channels = {}
         for topic in self._topics:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -24,14 +24,14 @@ app = typer.Typer(
 BAD_INPUT, FAILED_RUN, INTERRUPTED = 2, 1, 130
 
 
-class Engine(str, Enum):
+class Engine(StrEnum):
     """Who carries messages."""
 
     ros = "ros"
     inprocess = "inprocess"
 
 
-class Spread(str, Enum):
+class Spread(StrEnum):
     """How nodes are spread over processes."""
 
     node = "node"
@@ -41,7 +41,9 @@ class Spread(str, Enum):
 
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")
+]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
@@ -52,18 +54,33 @@ def run(
     set_: Set = None,
     engine: Annotated[Engine, typer.Option(help="Over DDS, or by calls in this process.")] = Engine.ros,
     processes: Annotated[Spread, typer.Option(help="One process a node, a namespace, or one.")] = Spread.node,
-    baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
-    bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
+    baseline: Annotated[
+        bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")
+    ] = False,
+    bag: Annotated[
+        Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
     domain: Annotated[int | None, typer.Option(help="ROS domain; default: a free one.")] = None,
-    record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    record_windows: Annotated[
+        bool, typer.Option("--record-windows", help="Put windows into the bag.")
+    ] = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import RunRequest, run_and_show
     from etac_ros.cli.show import make_console
 
     request = RunRequest(
-        scenario, variant, tuple(set_ or ()), engine.value, processes.value, baseline, bag, json, domain, record_windows
+        scenario,
+        variant,
+        tuple(set_ or ()),
+        engine.value,
+        processes.value,
+        baseline,
+        bag,
+        json,
+        domain,
+        record_windows,
     )
     run_and_show(request, make_console())
 
@@ -118,7 +135,8 @@ def info(bag: BagPath) -> None:
 
 @app.command()
 def recover(
-    bag: BagPath, output: Annotated[Path | None, typer.Option(help="Write the repaired bag here instead.")] = None
+    bag: BagPath,
+    output: Annotated[Path | None, typer.Option(help="Write the repaired bag here instead.")] = None,
 ) -> None:
     """Repair a bag that was cut off."""
     from etac_ros.cli.show import make_console, show_recovery
@@ -146,7 +164,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     pass
 

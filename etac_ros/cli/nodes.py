@@ -1,6 +1,6 @@
 """Nodes started by hand, each in its own terminal: ``etac node``, and the executables of ``ros2 run etac_ros``.
 
-    ros2 run etac_ros sensor --ros-args --params-file wu2018.yaml [-r __ns:=/pm -r __node:=other]
+ros2 run etac_ros sensor --ros-args --params-file wu2018.yaml [-r __ns:=/pm -r __node:=other]
 """
 
 from __future__ import annotations
@@ -9,15 +9,20 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 from etac_ros.bag.write import check_writable
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
-from etac_ros.scenario.load import load
+from etac_ros.scenario.load import Scenario, load
+
+if TYPE_CHECKING:
+    from etac_ros.engines.ros.plan import Plan
+    from etac_ros.engines.ros.tally import Outcome
 
 
-def play(name: str, params_file: str, bag: Path | None = None) -> None:
-    """Play one node of a run until the run is over.
+def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
+    """Play one node of a run until the run is over, and end the process with it.
 
     Parameters
     ----------
@@ -31,7 +36,7 @@ def play(name: str, params_file: str, bag: Path | None = None) -> None:
     Raises
     ------
     EtacError
-        If the scenario has no such node, or the run failed.
+        If the scenario has no such node; nothing has been started.
     """
     scenario = load(params_file)
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
@@ -40,9 +45,8 @@ def play(name: str, params_file: str, bag: Path | None = None) -> None:
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     for key, value in dds_environment(domain).items():
         os.environ.setdefault(key, value)
-    from etac_ros.engines.ros.host import Host
+    from etac_ros.engines.ros.host import Host, leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
-    from etac_ros.engines.ros.tally import check_counts
 
     plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
     name = "/" + name.strip("/")
@@ -61,7 +65,21 @@ def play(name: str, params_file: str, bag: Path | None = None) -> None:
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    outcome = Host(plan, [name], lambda: open_bag(scenario, directory, "ros")).run()
+    try:
+        outcome = Host(plan, [name], lambda: open_bag(scenario, directory, "ros")).run()
+        _show_outcome(scenario, plan, name, directory, outcome)
+    except EtacError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        leave_process(1)
+    leave_process(0)
+
+
+def _show_outcome(
+    scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None
+) -> None:
+    from etac_ros.engines.ros.plan import RECORDER
+    from etac_ros.engines.ros.tally import check_counts
+
     if name == RECORDER:
         print(f"{name}: bag {directory}")
     if outcome is None:
@@ -154,7 +172,9 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str
                     "make a file with `etac resolve NAME --set KEY=VALUE` and give it to all of them",
                 )
             case _:
-                raise ScenarioError(f"{executable} {word} {value}", "is not understood", "--params-file FILE, --bag DIR, -r")
+                raise ScenarioError(
+                    f"{executable} {word} {value}", "is not understood", "--params-file FILE, --bag DIR, -r"
+                )
     if params_file is None:
         raise ScenarioError(executable, "has no parameter file", "--ros-args --params-file FILE")
     return f"{namespace}/{base}", params_file, bag

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,12 +87,10 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         task = progress.add_task(scenario.name, total=scenario.run.duration_s, note="joining")
         began = time.perf_counter()
 
-        def on_progress(tick: int, fired: dict[str, int]) -> None:
+        def on_progress(tick: int, fired: Mapping[str, int]) -> None:
             simulated = tick / scenario.run.ticks_per_second
             speed = simulated / max(time.perf_counter() - began, 1e-9)
             note = f"{sum(fired.values())} triggers, {speed:.0f} x real time"
             progress.update(task, completed=simulated, note=note)
 
         return run_over_ros(scenario, bag, options, on_progress)
-
-

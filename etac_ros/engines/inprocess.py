@@ -12,7 +12,7 @@ from etac_ros.modules.plant import PlantModule
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.windows import USUAL_WINDOWS, WindowPolicy
 
 
 class InProcess:
@@ -31,7 +31,7 @@ class InProcess:
     def __init__(
         self,
         graph: Graph,
-        windows: WindowPolicy = WindowPolicy(),
+        windows: WindowPolicy = USUAL_WINDOWS,
         trace: Callable[[Order, Report], None] | None = None,
     ) -> None:
         self.master = TimeMaster(graph, windows)
@@ -119,4 +119,3 @@ class InProcess:
             self._numbers[link.name] += 1
             self._values[MessageId(link.name, self._numbers[link.name])] = value
         return tuple(link.name for link, _ in sent)
-

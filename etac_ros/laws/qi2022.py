@@ -8,7 +8,8 @@ of one row and goes through the same compiled formula, so that windows never cha
 Signals
 -------
 An attitude is sent as the three numbers that the paper sends, the vector part of the quaternion of the
-shortest rotation; the receiver finds the scalar part from the unit norm.
+shortest rotation; the receiver finds the scalar part from the unit norm (near half a turn, with half the
+digits).
 
 PM feedback (6)
     ``[q_po (3), omega_po (3) [rad/s] in P]``: from the PM's star sensor and gyro to its controller.
@@ -347,9 +348,7 @@ class PmLfpd:
 
     def __init__(self, parameters: PmLfpdParameters, ticks_per_second: int) -> None:
         self._ticks_per_second = ticks_per_second
-        self._packed = np.concatenate(
-            [parameters.packed(), parameters.attitude_gain_nm, parameters.rate_gain_nms]
-        )
+        self._packed = np.concatenate([parameters.packed(), parameters.attitude_gain_nm, parameters.rate_gain_nms])
 
     def torque(self, feedback: FloatArray, ticks: TickArray) -> FloatArray:
         """NCLA torque ``tau_p`` [N m] in P, shape (n, 3).

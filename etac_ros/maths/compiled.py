@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import config
 from numba.extending import register_jitable
 
 _ROOMS = ("maths", "plants", "laws", "triggers")
@@ -49,7 +50,7 @@ def _use_cache_folder() -> None:
             shutil.rmtree(path, ignore_errors=True)
     except OSError:
         folder = Path(tempfile.gettempdir()) / f"etac_ros_kernels_{os.getuid()}" / _package_digest()
-    numba.config.CACHE_DIR = str(folder)
+    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # made at import, from the environment
 
 
 _use_cache_folder()

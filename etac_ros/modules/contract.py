@@ -30,7 +30,7 @@ class Window:
     @property
     def last(self) -> int:
         """Tick of the last sample."""
-        return self.start + self.samples.shape[0] - 1
+        return self.start + len(self.samples) - 1
 
     def at(self, tick: int) -> FloatArray:
         """The sample at a tick."""

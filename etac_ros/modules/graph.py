@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from functools import cached_property
 
 from etac_ros.modules.channel import Channel
@@ -13,7 +13,7 @@ from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.wire import Wire, WireFormat
 
 
-class LinkKind(str, Enum):
+class LinkKind(StrEnum):
     """What a link is in hardware, and so where its messages are counted."""
 
     NETWORK = "network"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
 
 
-class NoiseEnters(str, Enum):
+class NoiseEnters(StrEnum):
     """Where measurement noise enters the loop."""
 
     NOWHERE = "nowhere"
@@ -37,14 +37,16 @@ class SensorParameters(Parameters):
     """Parameters of :class:`Sensor` beside its signal and its trigger rule."""
 
     noise: Noise = Noise()
-    low_pass_s: float = Field(default=0.0, ge=0.0, description="time constant on the measured signal; 0 is none")
+    low_pass_s: float = Field(
+        default=0.0, ge=0.0, description="time constant on the measured signal; 0 is none"
+    )
 
 
 @kernel
-def _low_passed(signals, memory, gain):  # type: ignore[no-untyped-def]
-    out = np.empty_like(signals)
+def _low_passed(signals, memory, gain, first):  # type: ignore[no-untyped-def]
+    out = signals.copy()
     last = memory.copy()
-    for i in range(signals.shape[0]):
+    for i in range(first, signals.shape[0]):
         for j in range(signals.shape[1]):
             last[j] += gain * (signals[i, j] - last[j])
             out[i, j] = last[j]
@@ -84,7 +86,9 @@ class Sensor(Module):
         self._wire = self.wire("signal")
         self._noise = parameters.noise
         self._key = stream_key(context.seed, context.name)
-        sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
+        sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [
+            np.radians(parameters.noise.rate_deg_s)
+        ] * 3
         self._sigmas = np.array(sigmas)
         if self._noise.enters is not NoiseEnters.NOWHERE and context.plant.noise_width != self._sigmas.size:
             raise ValueError(
@@ -93,7 +97,7 @@ class Sensor(Module):
             )
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
-        self._memory: FloatArray | None = None
+        self._memory: tuple[int, FloatArray, FloatArray] | None = None
         self._seen: tuple[Any, FloatArray, FloatArray] | None = None
 
     def scan(self, window: Window | None, after: int) -> int | None:
@@ -109,17 +113,17 @@ class Sensor(Module):
         return None if index < 0 else after + 1 + index
 
     def advance(self, tick: int, window: Window) -> None:
-        """Keep the filter's memory at ``tick``."""
-        if self._gain == 1.0:
-            return
+        """Keep what was watched and what would be sent at ``tick``: the filter's memory."""
         watched, sent = self._signals(window)
-        self._memory = np.stack([watched[tick - window.start], sent[tick - window.start]])
+        index = tick - window.start
+        self._memory = tick, watched[index].copy(), sent[index].copy()
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         """Transmit the signal of this tick and hold it, rounded as on the wire, for the trigger rule."""
-        assert self._seen is not None
-        window, _, sent = self._seen
-        self.held = self._wire.rounded(sent[tick - window.start])
+        assert self._memory is not None
+        last, _, sent = self._memory
+        assert last == tick
+        self.held = self._wire.rounded(sent)
         return {"signal": self.held}
 
     def watched(self, window: Window) -> FloatArray:
@@ -127,7 +131,7 @@ class Sensor(Module):
         return self._signals(window)[0]
 
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
-        """What the trigger watches and what would be sent, for each sample of a window."""
+        """What the trigger watches and what would be sent, for each sample of a window that is not committed."""
         if self._seen is not None and self._seen[0] is window:
             return self._seen[1], self._seen[2]
         true = self.signal.evaluate(window.samples)
@@ -139,10 +143,11 @@ class Sensor(Module):
             watched = noisy if self._noise.enters in (NoiseEnters.TRIGGER, NoiseEnters.BOTH) else true
             sent = noisy if self._noise.enters in (NoiseEnters.TRANSMITTED, NoiseEnters.BOTH) else true
         if self._gain != 1.0:
-            memory = np.stack([watched[0], sent[0]]) if self._memory is None else self._memory
+            last, *memory = self._memory or (window.start - 1, watched[0], sent[0])
+            committed = max(0, last + 1 - window.start)
             watched, sent = (
-                _low_passed(watched, memory[0], self._gain),
-                _low_passed(sent, memory[1], self._gain),
+                _low_passed(raw, before, self._gain, committed)
+                for raw, before in zip((watched, sent), memory, strict=True)
             )
         self._seen = (window, watched, sent)
         return watched, sent

@@ -8,7 +8,7 @@ receiver and both engines use the very value that was on the wire.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
@@ -18,7 +18,7 @@ PAYLOAD_BYTES_A_COMPONENT = 4
 _CDR_HEADER = 4
 
 
-class WireFormat(str, Enum):
+class WireFormat(StrEnum):
     """How values are put on a link."""
 
     COMPACT = "compact"

@@ -270,8 +270,7 @@ def _positive_definite(values: tuple[float, ...]) -> tuple[float, ...]:
     smallest = float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
     if smallest <= 0.0:
         raise ValueError(
-            "the symmetric part of an inertia matrix must be positive definite "
-            f"(smallest eigenvalue {smallest:.6g})"
+            f"the symmetric part of an inertia matrix must be positive definite (smallest eigenvalue {smallest:.6g})"
         )
     return values
 
@@ -283,7 +282,7 @@ def _nearly_unit(values: tuple[float, ...]) -> tuple[float, ...]:
     norm = float(np.linalg.norm(values))
     if abs(norm - 1.0) > _PRINTED_ROUNDING:
         raise ValueError(
-            f"a quaternion of norm 1 (+- {_PRINTED_ROUNDING}) is needed, scalar first (its norm is {norm:.6g})"
+            f"a quaternion of norm 1 within {_PRINTED_ROUNDING} is needed, scalar first (found {norm:.6g})"
         )
     return values
 

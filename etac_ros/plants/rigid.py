@@ -5,6 +5,8 @@ State ``[q_BN (4, scalar first), omega_BN_B (3) [rad/s]]``; input: control torqu
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 
@@ -123,7 +125,7 @@ class RigidBody:
             attitude = vector(self._parameters.attitude_q)
         else:
             assert self._parameters.attitude_euler_deg is not None
-            attitude = from_euler_321(np.radians(self._parameters.attitude_euler_deg))
+            attitude = from_euler_321([math.radians(angle) for angle in self._parameters.attitude_euler_deg])
         normalise(attitude)
         return np.concatenate([attitude, np.radians(self._parameters.rate_deg_s)])
 

@@ -1,4 +1,4 @@
-"""A run as its bag tells it: the scenario inside, the graph built from that, and everything that was recorded."""
+"""A run as its bag tells it: the scenario inside, the graph built from that, and all that was recorded."""
 
 from __future__ import annotations
 
@@ -77,7 +77,8 @@ def read_run(bag: Path) -> ReportedRun:
     Raises
     ------
     BagError
-        If it is no whole bag of etac_ros, carries no scenario or one that cannot be loaded here, or holds no samples.
+        If it is no whole bag of etac_ros, carries no scenario or one that cannot be loaded here, or holds no
+        samples.
     """
     found = read_bag(bag)
     scenario = _scenario(bag, found)

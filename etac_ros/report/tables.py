@@ -56,6 +56,8 @@ class Table:
         Sentences below it.
     texts
         Headings of further columns of text.
+    groups
+        Headings above the headings, each with the number of columns that it spans.
     """
 
     title: str
@@ -63,6 +65,7 @@ class Table:
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()
     texts: frozenset[str] = frozenset()
+    groups: tuple[tuple[str, int], ...] = ()
 
 
 def measured(view: View) -> dict[str, float]:
@@ -70,7 +73,7 @@ def measured(view: View) -> dict[str, float]:
     baseline = view.baseline
     found = with_measured(view.run.summary, None if baseline is None else baseline.summary).measured
     if view.run.is_baseline:
-        # The paper's other figures are those of the event-triggered run: a baseline is compared with a baseline.
+        # The paper's other figures are those of its event-triggered run.
         found = {
             f"{_OF_BASELINE}messages": found["network_messages"],
             f"{_OF_BASELINE}payload_bytes": found["network_payload_bytes"],
@@ -113,27 +116,30 @@ def identity_table(view: View) -> Table:
 
 
 def published_table(view: View) -> Table | None:
-    """This run beside the paper; None if there is nothing of the paper to show."""
+    """Figures of this run beside those of the paper; None if there is nothing of the paper to show."""
     here, paper = measured(view), published(view)
     if not paper:
         return None
-    names = [name for name in here if name in _LABELS or name in paper]
+    names = [name for name in here if name in paper or (name in _LABELS and not name.startswith(_OF_BASELINE))]
     names += [name for name in paper if name not in here]
     rows = []
     for name in names:
         figure, value = paper.get(name), here.get(name)
+        # What was measured at the baseline stands in the baseline's column.
+        of_other = view.baseline is not None and name.startswith(_OF_BASELINE)
         cells = [
             _LABELS.get(name, name.replace("_", " ")),
-            "" if value is None else _number(value),
+            "" if value is None or of_other else _number(value),
             "" if figure is None else _number(figure.value),
             _band(figure),
             _verdict(value, figure),
         ]
         if view.other is not None:
-            cells.append(_beside(view.other, name))
+            beside = value if of_other else _beside(view.other, name)
+            cells.append("" if beside is None else _number(beside))
         rows.append(Row(tuple(cells)))
     return Table(
-        f"Beside the {view.source}",
+        "Beside the published figures",
         ("", "this run", view.source, "band", "in the band", *_headings(view)[1:]),
         tuple(rows),
         _published_notes(view),
@@ -154,19 +160,22 @@ def traffic_table(view: View) -> Table:
             rows.append(Row((name, of.type.replace("/msg/", "/"), *_counts(topics))))
         rows.append(Row((f"all {kind}", "", *_counts([_totals(run, kind) for run in runs])), strong=True))
     columns = ("messages", "payload [bytes]", "CDR [bytes]")
-    headings = [column for column in columns]
-    for label in _headings(view)[1:]:
-        headings += [f"{column}, {label}" for column in columns[:2]]
+    headings: tuple[str, ...] = columns
+    groups: tuple[tuple[str, int], ...] = ()
+    if view.other is not None:
+        headings = (*columns, *columns[:2])
+        groups = (("", 2), ("this run", 3), (view.other_label, 2))
     return Table(
         "What crossed the links",
         ("topic", "type", *headings),
         tuple(rows),
         (
             "Payload: 4 bytes a component, as the papers count. CDR: the serialized messages, as recorded.",
-            "The emulation plane carries what is light, torque or the simulator's own in hardware, and is never added "
-            "to the network. Only what the bag holds of it stands here.",
+            "The emulation plane carries what is light or torque in hardware, and the simulator's own; it is "
+            "never added to the network. Only what the bag holds of it stands here.",
         ),
         frozenset({"type"}),
+        groups,
     )
 
 
@@ -207,7 +216,7 @@ def performance_table(view: View) -> Table:
             "largest* [deg]",
             "rate at the end [deg/s]",
             "largest* [deg/s]",
-            "energy [N² m² s]",
+            "energy [N²m²s]",
         ),
         tuple(rows),
         ("* over the last 40 % of the run. Energy: integral of the square of the held torque.",),
@@ -244,25 +253,22 @@ def _published_notes(view: View) -> tuple[str, ...]:
     run = view.run
     if run.scenario.variant and not run.is_baseline:
         notes.append(
-            f"The {view.source}'s figures belong to the scenario as published; this run is its variant "
+            "The published figures belong to the scenario as it stands in its file; this run is its variant "
             f"'{run.scenario.variant}'."
         )
     if run.overrides:
         notes.append(
-            f"The {view.source}'s figures belong to the scenario as published; this run overrides "
+            "The published figures belong to the scenario as it stands in its file; this run overrides "
             f"{', '.join(run.overrides)}."
         )
     if not run.is_baseline and view.baseline is None and view.paper_baseline is not None:
-        notes.append(f"Reduction against the baseline as the {view.source} gives it: none was measured here.")
+        notes.append(f"Reduction: against the published baseline ({view.source}); none was measured here.")
     notes.append("Band: where one run of many like it may lie; late triggering instants are sensitive to the start.")
     return tuple(notes)
 
 
-def _beside(other: ReportedRun, name: str) -> str:
-    if name.startswith(_AGAINST_BASELINE):
-        return ""
-    value = other.summary.measured.get(name)
-    return "" if value is None else _number(value)
+def _beside(other: ReportedRun, name: str) -> float | None:
+    return None if name.startswith(_AGAINST_BASELINE) else other.summary.measured.get(name)
 
 
 def _counts(counted: list[Topic | None] | list[Totals]) -> tuple[str, ...]:

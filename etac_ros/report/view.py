@@ -68,6 +68,6 @@ class View:
         return self.run.scenario.run.published.source or "paper"
 
     def shown_in(self, figure: str) -> str:
-        """Where the paper shows the same, for instance ``figs. 4 and 5``; empty if the scenario does not say."""
+        """Where the paper shows the same, as ``figs. 4 and 5``; empty if the scenario does not say."""
         places = self.run.scenario.run.published.shown_in or {}
         return places.get(figure, "")

@@ -128,7 +128,12 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         formats[node][port] = _format(section, run)
     modules: dict[str, Module] = {}
     # Plants first: their readers are told of them when they are built.
-    for name in sorted(nodes, key=lambda name: nodes[name]["module"] != "plant"):
+    plants = [
+        name
+        for name, section in nodes.items()
+        if issubclass(_module_class(section["module"], f"{file}: {name}"), PlantModule)
+    ]
+    for name in dict.fromkeys([*plants, *nodes]):
         modules[name] = _module(name, run, nodes, modules, formats[name], f"{file}: {name}")
     modules = {name: modules[name] for name in nodes}
     links = {
@@ -237,10 +242,10 @@ def _port(wanted: str, ports: Mapping[str, int], where: str, what: str) -> str:
         return next(iter(ports))
     if wanted in ports:
         return wanted
-    found = f"'{wanted}'" if wanted else "no port"
-    raise ScenarioError(
-        where, f"{found} is no {what}", f"NODE:PORT with one of: {', '.join(ports) or 'none'}"
-    )
+    if not ports:
+        raise ScenarioError(where, f"there is no {what}")
+    found = f"'{wanted}' is no {what}" if wanted else f"which {what} is not said"
+    raise ScenarioError(where, found, f"NODE:PORT with one of: {', '.join(ports)}")
 
 
 def _check(graph: Graph, file: str) -> None:

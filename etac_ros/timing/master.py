@@ -81,9 +81,7 @@ class TimeMaster:
                 yield [Close(plant, tick) for plant in self._graph.plants]
                 return
             renewed = [
-                plant
-                for plant in self._graph.plants
-                if plant in touched or self._proposals[plant] == tick
+                plant for plant in self._graph.plants if plant in touched or self._proposals[plant] == tick
             ]
             yield from self._look(tick, renewed, touched & self._lookers)
         self.tick = end

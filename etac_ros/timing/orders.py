@@ -1,4 +1,4 @@
-"""What the time master tells the modules to do, and what they report. In process these are calls; over DDS, messages."""
+"""What the time master tells the modules to do, and what they report: calls in process, messages over DDS."""
 
 from __future__ import annotations
 

@@ -31,3 +31,7 @@ class WindowPolicy:
     def after_hit(self, used: int) -> int:
         """One and a half times the samples that were used before something happened."""
         return min(max(1, used + used // 2), self.longest)
+
+
+USUAL_WINDOWS = WindowPolicy()
+"""What a scenario gets that says nothing of windows."""

@@ -278,7 +278,9 @@ class CoordinatorStation(Station):
         if transits:
             self._ledger.publish(note(transits))
         nanoseconds = self.master.tick * NANOSECONDS // self.plan.graph.ticks_per_second
-        self._clock.publish(Clock(clock=Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)))
+        self._clock.publish(
+            Clock(clock=Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS))
+        )
         self._on_progress(self.master.tick, self.master.fired)
 
     def _silent(self) -> list[str]:

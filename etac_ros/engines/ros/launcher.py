@@ -6,6 +6,7 @@ anew; the parent never initialises rclpy, without which a fork would not be safe
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import multiprocessing
 import os
@@ -15,14 +16,14 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.domain import DomainLease, dds_environment
-from etac_ros.engines.ros.host import Host
+from etac_ros.engines.ros.host import Host, leave_process
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
@@ -33,7 +34,7 @@ _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
 
 
-class Processes(str, Enum):
+class Processes(StrEnum):
     """How nodes are spread over processes."""
 
     NODE = "node"
@@ -142,7 +143,9 @@ class Launcher:
         gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
         for names in self._groups:
             ours, theirs = fork.Pipe(duplex=False)
-            process = fork.Process(target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid()))
+            process = fork.Process(
+                target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid())
+            )
             process.daemon = True
             process.start()
             theirs.close()
@@ -228,20 +231,15 @@ def _play(
         outcome = Host(plan, names, open_sink, on_progress, parent).run()
     except EtacError as error:
         _tell(pipe, "fault", error)
-        os._exit(1)
+        leave_process(1)
     except BaseException as error:
         text = traceback.format_exc()
         _tell(pipe, "fault", RunError(f"node {', '.join(names)}", f"{type(error).__name__}: {error}\n{text}"))
-        os._exit(1)
+        leave_process(1)
     _tell(pipe, "outcome", outcome)
-    pipe.close()
-    # Not the interpreter's own way out: it would run exit handlers that belong to the parent.
-    sys.stdout.flush()
-    os._exit(0)
+    leave_process(0)
 
 
 def _tell(pipe: Connection, kind: str, content: Any) -> None:
-    try:
+    with contextlib.suppress(OSError):  # the parent is gone: nobody is left to be told
         pipe.send((kind, content))
-    except OSError:
-        pass  # the parent is gone: nobody is left to be told

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
@@ -19,7 +18,8 @@ _NAMES = {kind: name for name, kind in _ORDERS.items()}
 
 def order_note(order: Order) -> dict[str, Any]:
     """An order as a mapping with the key ``do``."""
-    return {"do": _NAMES[type(order)], **asdict(order)}
+    fields = type(order).__slots__
+    return {"do": _NAMES[type(order)], **{field: getattr(order, field) for field in fields}}
 
 
 def read_order(content: dict[str, Any]) -> Order:
@@ -33,7 +33,14 @@ def read_order(content: dict[str, Any]) -> Order:
 
 def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
     """A report. ``ahead`` is the module's next own act after what it did, looked up unasked."""
-    return {**asdict(report), "tick": tick, "ahead": ahead}
+    return {
+        "tick": tick,
+        "sent": report.sent,
+        "proposal": report.proposal,
+        "fired": report.fired,
+        "halt": report.halt,
+        "ahead": ahead,
+    }
 
 
 def read_report(content: dict[str, Any]) -> tuple[Report, int | None]:

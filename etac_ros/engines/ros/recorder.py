@@ -19,9 +19,7 @@ from etac_ros.modules.graph import Link
 class Sink(Protocol):
     """Where the recorder puts messages: a bag."""
 
-    def write(
-        self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int
-    ) -> None:
+    def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         """Keep one message."""
         ...
 
@@ -41,9 +39,7 @@ class RecorderStation(Station):
         Creates the bag; called once, when the run begins.
     """
 
-    def __init__(
-        self, plan: Plan, spinner: Spinner, context: Context, open_sink: Callable[[], Sink]
-    ) -> None:
+    def __init__(self, plan: Plan, spinner: Spinner, context: Context, open_sink: Callable[[], Sink]) -> None:
         super().__init__(plan, RECORDER, spinner, context)
         self._open_sink = open_sink
         self._sink: Sink | None = None
@@ -74,9 +70,7 @@ class RecorderStation(Station):
         others = [name for name in self.plan.modules if name not in self._farewells]
         if others:
             return False
-        sent = {
-            link.topic: self.stop["sent"][link.name] for link in self.plan.graph.links.values()
-        }
+        sent = {link.topic: self.stop["sent"][link.name] for link in self.plan.graph.links.values()}
         for farewell in self._farewells.values():
             for topic, (messages, _) in farewell["sent"].items():
                 if topic in self._received:

@@ -89,7 +89,7 @@ class Station:
 
     def missing(self) -> list[str]:
         """Topics whose other end is not there."""
-        ends = [*self._publishers, *self._subscriptions]
+        ends: list[Publisher | Subscription] = [*self._publishers, *self._subscriptions]
         return sorted({end.topic for end in ends if not end.matched})
 
     def deserted(self) -> list[str]:
@@ -100,7 +100,14 @@ class Station:
     def say_hello(self) -> None:
         """Tell the coordinator that this node is ready."""
         self._hello.publish(
-            note({"node": self.name, "scenario": self.plan.scenario, "digest": self.plan.digest, "pid": os.getpid()})
+            note(
+                {
+                    "node": self.name,
+                    "scenario": self.plan.scenario,
+                    "digest": self.plan.digest,
+                    "pid": os.getpid(),
+                }
+            )
         )
 
     def say_fault(self, text: str) -> None:

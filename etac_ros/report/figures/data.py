@@ -1,6 +1,7 @@
 """The numbers behind the figures, from a graph and its recording: nothing here draws.
 
-Times are simulated seconds. A curve is dense (one value a tick) or a staircase, whose values hold until the next.
+Times are simulated seconds. A curve is dense, one value a tick, or a staircase,
+whose values hold until the next.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def last_tick(graph: Graph, recording: Recording) -> int:
     for plant in graph.plants:
         first, states = recording.samples(plant)
         ends.append(first + states.shape[0] - 1)
-    return min(ends)
+    return int(min(ends))
 
 
 def attitude(graph: Graph, recording: Recording, plant: str) -> Curve:
@@ -214,7 +215,7 @@ def cumulative_bytes(graph: Graph, recording: Recording) -> Curve:
     start = [] if ticks.size and ticks[0] == 0 else [0]
     ticks = np.concatenate([start, ticks, [end]])
     totals = np.concatenate([np.zeros(len(start)), totals, totals[-1:] if totals.size else [0.0]])
-    return Curve(np.asarray(seconds(ticks, rate_1_s)), totals[:, np.newaxis])
+    return Curve(np.asarray(seconds(ticks, rate_1_s)), np.asarray(totals, dtype=np.float64)[:, np.newaxis])
 
 
 def transient_end_s(errors: list[Curve]) -> float | None:
@@ -257,13 +258,11 @@ def _of_states(
     graph: Graph, recording: Recording, plant: str, values: Callable[[Plant, FloatArray], FloatArray]
 ) -> Curve:
     first, states = recording.samples(plant)
-    times = seconds(np.arange(first, first + states.shape[0]), graph.ticks_per_second)
-    return Curve(np.asarray(times), values(dynamics(graph, plant), states))
+    ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
+    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(dynamics(graph, plant), states))
 
 
-def _arrivals(
-    graph: Graph, recording: Recording, plant: str, port: str
-) -> Mapping[tuple[int, int], list[FloatArray]]:
+def _arrivals(graph: Graph, recording: Recording, plant: str, port: str) -> Mapping[tuple[int, int], list[FloatArray]]:
     """Values by tick and step of arrival."""
     bags: dict[tuple[int, int], list[FloatArray]] = {}
     for link in graph.hears[plant]:

@@ -17,7 +17,7 @@ from etac_ros.report.view import View
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_UNIT = "N² m² s"
+_UNIT = "N²m²s"
 
 
 def _since(curve: Curve, panel: Panel) -> Curve:

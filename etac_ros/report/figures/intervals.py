@@ -54,6 +54,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         axes.set_ylabel("interval [s]")
         figures = f"min {gaps.min():.4g} s    mean {gaps.mean():.4g} s (dashed)    max {gaps.max():.4g} s"
         axes.set_title(f"{name}:    {figures}" if len(found) > 1 else figures)
+    figure.align_ylabels(grid[:, 0])
     grid[-1, 0].set_xlabel("time [s]")
 
 
@@ -76,8 +77,8 @@ def _draw_tick(axes: Axes, tick_s: float, theme: Theme) -> None:
 def _caption(view: View) -> str:
     tick_s = 1.0 / view.run.graph.ticks_per_second
     return (
-        "Time since the previous triggering instant, drawn at the instant that ends it. No interval can be shorter "
-        f"than one tick of the trigger grid, {tick_s:.4g} s."
+        "Time since the previous triggering instant, drawn at the instant that ends it. No interval can be "
+        f"shorter than one tick of the trigger grid, {tick_s:.4g} s."
     )
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _LONGEST_SYMBOL = 3
 _DECADES_BELOW = 2.0
-"""How far below the smallest threshold the vertical axis goes: right after a message the error is nearly zero."""
+"""How far below the smallest threshold the axis goes: right after a message the error is nearly zero."""
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
@@ -49,7 +49,7 @@ def _label(view: View, sensor: str) -> str:
     assert isinstance(module, Sensor)
     symbol = module.signal.label
     # A list of several quantities is no symbol to take a difference of.
-    error = f"|{symbol}(tᵢ) − {symbol}|" if len(symbol) <= _LONGEST_SYMBOL else "error"
+    error = f"$|{symbol}(t_i) - {symbol}|$" if symbol.isalpha() and len(symbol) <= _LONGEST_SYMBOL else "error"
     unit = getattr(module.signal, "unit", "")
     return f"{error} [{unit}]" if unit else error
 
@@ -60,9 +60,9 @@ def _caption(view: View) -> str:
     )
     seen = "what the sensor measured, its noise and filter included" if noisy else "the committed samples"
     return (
-        f"What the trigger rule compared at every tick, recomputed from {seen}, and from the value that was last on "
-        "the wire. The error grows until it reaches the threshold; that tick is a triggering instant, after which it "
-        "starts anew near zero (below the axis)."
+        f"What the trigger rule compared at every tick, recomputed from {seen}, and from the value that was "
+        "last on the wire. The error grows until it reaches the threshold; that tick is a triggering instant, "
+        "after which it starts anew near zero (below the axis)."
     )
 
 

@@ -54,7 +54,13 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         names = ("this run",) if len(plants) == 1 else plants
         colours = (theme.this,) if len(plants) == 1 else None
         key(above, theme, names, colours, dashed=view.other_label)
-    figure.suptitle(view.run.scenario.run.title or view.run.scenario.name, x=0.008, ha="left", fontweight="bold", fontsize=9.5)
+    figure.suptitle(
+        view.run.scenario.run.title or view.run.scenario.name,
+        x=0.008,
+        ha="left",
+        fontweight="bold",
+        fontsize=9.5,
+    )
     figure.align_ylabels([above, below])
 
 
@@ -64,6 +70,6 @@ FIGURE = FigureKind(
     draw=_draw,
     height_in=lambda view: _HEIGHT_IN + _RASTER_ROW_IN * (len(raster.rows(view)) - 1),
     caption=lambda view: (
-        "Attitude error as one angle, triggering instants, and the payload that had crossed the network links."
+        "Attitude error as one angle, triggering instants, and the payload that had crossed the network."
     ),
 )

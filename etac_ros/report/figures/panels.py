@@ -35,7 +35,7 @@ class Panel:
         return curve.between(self.start_s, self.end_s)
 
     def held_part(self, curve: Curve) -> Curve:
-        """What this panel shows of a staircase: what held at the panel's start goes on until the next step."""
+        """What this panel shows of a staircase: what held at its start goes on until the next step."""
         first = max(int(np.searchsorted(curve.times_s, self.start_s, side="right")) - 1, 0)
         last = int(np.searchsorted(curve.times_s, self.end_s, side="left")) + 1
         times = np.clip(curve.times_s[first:last], self.start_s, self.end_s)
@@ -61,9 +61,7 @@ def panel_grid(figure: Figure, rows: Sequence[str], view: View) -> list[Panel]:
     """
     end_s, cut_s = view.run.end_s, view.cut_s
     spans = [(0.0, end_s)] if cut_s is None else [(0.0, cut_s), (cut_s, end_s)]
-    grid = figure.subplots(
-        len(rows), len(spans), squeeze=False, sharex="col", width_ratios=[1.0, 1.12][: len(spans)]
-    )
+    grid = figure.subplots(len(rows), len(spans), squeeze=False, sharex="col", width_ratios=[1.0, 1.12][: len(spans)])
     panels = []
     for row, name in enumerate(rows):
         for column, (start_s, stop_s) in enumerate(spans):
@@ -77,13 +75,13 @@ def panel_grid(figure: Figure, rows: Sequence[str], view: View) -> list[Panel]:
             if row == len(rows) - 1:
                 axes.set_xlabel("time [s]")
             panels.append(Panel(axes, name, start_s, stop_s))
+    for column in range(len(spans)):
+        figure.align_ylabels(grid[:, column])
     return panels
 
 
-def draw_axes_of(
-    panel: Panel, curve: Curve, label: str, unit: str, theme: Theme, beside: Curve | None = None
-) -> None:
-    """Draw the columns of a dense curve, and dashed those of another run beside it, in a unit that suits them."""
+def draw_axes_of(panel: Panel, curve: Curve, label: str, unit: str, theme: Theme, beside: Curve | None = None) -> None:
+    """Draw the columns of a dense curve, and dashed those of another run, in a unit that suits them."""
     part = panel.part(curve)
     behind = None if beside is None else panel.part(beside)
     shown = [part] if behind is None else [part, behind]
@@ -99,9 +97,7 @@ def draw_axes_of(
                 alpha=0.65,
             )
     for column in range(part.values.shape[1]):
-        panel.axes.plot(
-            *decimated(part.times_s, factor * part.values[:, column], BUCKETS), color=theme.colour(column)
-        )
+        panel.axes.plot(*decimated(part.times_s, factor * part.values[:, column], BUCKETS), color=theme.colour(column))
     panel.axes.axhline(0.0, color=theme.muted, linewidth=0.5, zorder=1.5)
     panel.axes.set_ylabel(f"{label} [{unit}]")
 
@@ -113,19 +109,16 @@ def key(
     colours: Sequence[str] | None = None,
     dashed: str = "",
 ) -> None:
-    """Put one legend above all panels, or into the corner of one; ``dashed`` names the run drawn with dashes."""
+    """Put a legend above all panels, or into the corner of one; ``dashed`` names the run so drawn."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     colours = colours or [theme.colour(number) for number in range(len(names))]
     handles = [
-        Line2D([], [], color=colour, linewidth=1.6, label=name)
-        for name, colour in zip(names, colours, strict=True)
+        Line2D([], [], color=colour, linewidth=1.6, label=name) for name, colour in zip(names, colours, strict=True)
     ]
     if dashed:
-        handles.append(
-            Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 2)), label=dashed)
-        )
+        handles.append(Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 2)), label=dashed))
     if isinstance(place, Figure):
         place.legend(handles=handles, loc="outside upper left", ncols=len(handles))
     else:

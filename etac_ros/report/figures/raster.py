@@ -59,7 +59,7 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     found = rows(view)
     for place, row in enumerate(found):
         colour = theme.other if row.beside else theme.this
-        axes.vlines(row.instants_s, place - 0.36, place + 0.36, color=colour, linewidth=0.8)
+        axes.vlines(row.instants_s, place - 0.36, place + 0.36, color=colour, linewidth=0.8, clip_on=False)
         axes.annotate(
             f"{row.instants_s.size:,}",
             (1.0, place),

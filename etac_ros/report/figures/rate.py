@@ -28,8 +28,8 @@ def _caption(view: View) -> str:
         for plant, figures in view.run.summary.performance.items()
     ]
     return (
-        "Angular velocity error in body axes, from the committed samples. Over the last 40 % of the run its norm "
-        f"is {', '.join(ends)} at most."
+        "Angular velocity error in body axes, from the committed samples. Over the last 40 % of the run its "
+        f"norm is {', '.join(ends)} at most."
     )
 
 

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from etac_ros.report.figures import attitude, energy, intervals, margin, overview, raster, rate, torque, volume
+from etac_ros.report.figures import (
+    attitude,
+    energy,
+    intervals,
+    margin,
+    overview,
+    raster,
+    rate,
+    torque,
+    volume,
+)
 from etac_ros.report.figures.kind import FigureKind
 
 FIGURES: tuple[FigureKind, ...] = (

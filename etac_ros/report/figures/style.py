@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 7.2
-"""Width of every figure; with the sizes of type below it reads at 100 % on a page and, scrolled, on a phone."""
+"""Width of every figure; with the type below it reads at 100 % on a page and, scrolled, on a phone."""
 PAGE_DPI = 220
 BUCKETS = 1100
 """Pixel columns of a panel at most: what a curve is thinned out to."""
@@ -72,9 +72,7 @@ DARK = Theme(
 )
 
 
-def rendered(
-    draw: Callable[[Figure], None], size_in: tuple[float, float], theme: Theme, dpi: int = PAGE_DPI
-) -> bytes:
+def rendered(draw: Callable[[Figure], None], size_in: tuple[float, float], theme: Theme, dpi: int = PAGE_DPI) -> bytes:
     """Draw a figure and give its PNG file; the same drawing always gives the same bytes.
 
     Parameters
@@ -96,12 +94,14 @@ def rendered(
     with matplotlib.rc_context():
         # The reader's own matplotlibrc shall not change a report.
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_settings(theme))
+        settings: Any = _settings(theme)
+        matplotlib.rcParams.update(settings)
         figure = Figure(figsize=size_in, dpi=dpi, layout="constrained")
-        FigureCanvasAgg(figure)
+        canvas = FigureCanvasAgg(figure)
         draw(figure)
         file = BytesIO()
-        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+        # Figure.savefig would go through all artists twice.
+        canvas.print_png(file, metadata={"Software": None})
     return file.getvalue()
 
 

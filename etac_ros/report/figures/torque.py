@@ -54,7 +54,11 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         panel.axes.axhline(0.0, color=theme.muted, linewidth=0.5, zorder=1.5)
         for column in range(part.values.shape[1]):
             panel.axes.step(
-                part.times_s, factor * part.values[:, column], where="post", color=theme.colour(column), linewidth=1.0
+                part.times_s,
+                factor * part.values[:, column],
+                where="post",
+                color=theme.colour(column),
+                linewidth=1.0,
             )
         panel.axes.set_ylabel(f"held torque [{unit}]")
     panels.key(figure, theme, ("x", "y", "z"))
@@ -62,8 +66,8 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
 
 def _caption(view: View) -> str:
     return (
-        "Control torque as the zero-order hold applies it, in body axes: every step is a message that arrived, "
-        "and between two steps nothing is sent."
+        "Control torque as the zero-order hold applies it, in body axes: every step is a message that "
+        "arrived, and between two steps nothing is sent."
     )
 
 

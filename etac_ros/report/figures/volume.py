@@ -42,7 +42,7 @@ def _lines(view: View, theme: Theme) -> list[_Line]:
     if published is not None and view.baseline is None:
         ends = Curve(np.array([0.0, run.end_s]), np.array([[0.0], [published.value]]))
         style = {"color": theme.other, "linewidth": 1.3, "linestyle": (0, (5, 3))}
-        lines.append(_Line(f"baseline as published ({view.source}), not measured", ends, style))
+        lines.append(_Line(f"{view.source}'s baseline, not measured", ends, style))
     return lines
 
 
@@ -82,10 +82,9 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
 def _spread(totals: list[float], apart: float) -> list[float]:
     """Heights of the labels: those of the curves' ends, moved up where they would cover each other."""
     heights = list(totals)
-    for number, place in enumerate(sorted(range(len(totals)), key=totals.__getitem__)):
-        if number:
-            heights[place] = max(heights[place], heights[below] + apart)
-        below = place
+    lowest = -apart
+    for place in sorted(range(len(totals)), key=totals.__getitem__):
+        heights[place] = lowest = max(totals[place], lowest + apart)
     return heights
 
 
@@ -99,8 +98,9 @@ def _caption(view: View) -> str:
     text = "Payload that had crossed all network links together, 4 bytes a component, as the papers count."
     if view.paper_baseline is not None and view.baseline is None:
         text += (
-            f" The dashed line spreads the {view.paper_baseline.value:,.0f} bytes that the paper gives for its "
-            "baseline evenly over the run; it was not measured. Give the bag of a baseline run to measure it."
+            f" The dashed line spreads the {view.paper_baseline.value:,.0f} bytes published for the baseline "
+            "evenly over the run: it was not measured. A report drawn --against the bag of a baseline run "
+            "measures it."
         )
     return text
 

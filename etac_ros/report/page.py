@@ -1,0 +1,195 @@
+"""The page: one HTML file that needs nothing but itself."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from html import escape
+
+from etac_ros import __version__
+from etac_ros.report import tables
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.stylesheet import STYLESHEET
+from etac_ros.report.tables import Table
+from etac_ros.report.view import View
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure that was drawn, as PNG files for a light and a dark page."""
+
+    kind: FigureKind
+    light: bytes
+    dark: bytes
+
+
+def page(view: View, drawn: list[Drawn]) -> str:
+    """The HTML text. The same bags give the same text: nothing of the wall clock or of paths stands in it."""
+    run = view.run
+    title = run.scenario.run.title or run.scenario.name
+    parts = [
+        "<header>",
+        f'<p class="kicker">{_line(_kicker(view))}</p>',
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="lead">{_line(lead(view))}</p>',
+        "</header>",
+        *(f'<p class="remark">{_line(remark)}</p>' for remark in tables.remarks(view)),
+        _tiles(view),
+    ]
+    overview = [figure for figure in drawn if figure.kind.name == "overview"]
+    others = [figure for figure in drawn if figure.kind.name != "overview"]
+    numbers = {figure.kind.name: number for number, figure in enumerate([*overview, *others], start=1)}
+    parts += [_figure(view, figure, numbers[figure.kind.name]) for figure in overview]
+    for table in (
+        tables.published_table(view),
+        tables.traffic_table(view),
+        tables.trigger_table(view),
+        tables.performance_table(view),
+        tables.identity_table(view),
+    ):
+        if table is not None:
+            parts.append(_table(table))
+    parts.append("<h2>Figures</h2>")
+    parts += [_figure(view, figure, numbers[figure.kind.name]) for figure in others]
+    parts.append(
+        f"<footer>Drawn by etac_ros {escape(__version__)} from the bag alone: messages of the links and "
+        "committed samples, at simulated time.</footer>"
+    )
+    return "\n".join(
+        [
+            "<!DOCTYPE html>",
+            '<html lang="en">',
+            "<head>",
+            '<meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            '<meta name="color-scheme" content="light dark">',
+            f"<title>{escape(title)}</title>",
+            f"<style>\n{STYLESHEET}\n</style>",
+            "</head>",
+            "<body>",
+            "<main>",
+            *parts,
+            "</main>",
+            "</body>",
+            "</html>",
+            "",
+        ]
+    )
+
+
+def lead(view: View) -> str:
+    """The run in a sentence or two."""
+    run = view.run
+    network = run.summary.network
+    count = sum(triggers.count for triggers in run.summary.triggers.values())
+    text = (
+        f"{count:,} triggering instants in {run.end_s:g} s put {network.messages:,} messages and "
+        f"{network.payload_bytes:,} bytes of payload on the network."
+    )
+    if view.other is not None:
+        other = view.other.summary.network
+        text += f" The {view.other_label} put {other.messages:,} messages and {other.payload_bytes:,} bytes."
+    return text
+
+
+def _kicker(view: View) -> str:
+    run = view.run
+    words = [run.scenario.name]
+    if run.scenario.variant:
+        words.append(f"variant {run.scenario.variant}")
+    if run.overrides:
+        words.append(f"{len(run.overrides)} value{'s' if len(run.overrides) > 1 else ''} overridden")
+    words.append(f"{run.end_s:g} s simulated")
+    words.append(f"engine {run.metadata.get('engine') or 'unknown'}")
+    return " · ".join(words)
+
+
+def _tiles(view: View) -> str:
+    here = tables.measured(view)
+    summary = view.run.summary
+    count = sum(triggers.count for triggers in summary.triggers.values())
+    tiles = [
+        (f"{count:,}", "triggering instants"),
+        (f"{summary.network.messages:,}", "network messages"),
+        (f"{summary.network.payload_bytes:,} B", "network payload"),
+    ]
+    if "reduction_percent" in here:
+        against = "measured" if view.baseline is not None else "published"
+        tiles.append((f"{here['reduction_percent']:.1f} %", f"less than the {against} baseline"))
+    if "max_interval_s" in here:
+        tiles.append((f"{here['max_interval_s']:.4g} s", "longest interval"))
+    cells = [f'<div class="tile"><b>{_line(value)}</b><span>{_line(name)}</span></div>' for value, name in tiles]
+    return "\n".join(['<div class="tiles">', *cells, "</div>"])
+
+
+def _table(table: Table) -> str:
+    texts = [place == 0 or heading in table.texts for place, heading in enumerate(table.columns)]
+    wide = table.texts and len(table.texts) == len(table.columns) - 1
+    head = "".join(
+        f'<th scope="col"{_class(text)}>{_line(heading)}</th>'
+        for heading, text in zip(table.columns, texts, strict=True)
+    )
+    lines = []
+    for row in table.rows:
+        first, *cells = row.cells
+        body = f'<th scope="row" class="text">{_line(first)}</th>'
+        for cell, text in zip(cells, texts[1:], strict=True):
+            body += f"<td{_class(text, bool(wide))}>{_line(cell)}</td>"
+        lines.append(f'<tr class="strong">{body}</tr>' if row.strong else f"<tr>{body}</tr>")
+    return "\n".join(
+        [
+            "<section>",
+            f"<h2>{_line(table.title)}</h2>",
+            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(table.title)}">',
+            f"<table><thead>{_groups(table)}<tr>{head}</tr></thead>",
+            "<tbody>",
+            *lines,
+            "</tbody></table>",
+            "</div>",
+            *(f'<p class="note">{_line(note)}</p>' for note in table.notes),
+            "</section>",
+        ]
+    )
+
+
+def _groups(table: Table) -> str:
+    cells = [
+        f'<th scope="colgroup" colspan="{span}">{_line(heading)}</th>' if heading else f'<td colspan="{span}"></td>'
+        for heading, span in table.groups
+    ]
+    return f'<tr class="groups">{"".join(cells)}</tr>' if cells else ""
+
+
+def _figure(view: View, figure: Drawn, number: int) -> str:
+    kind = figure.kind
+    caption = kind.caption(view)
+    place = view.shown_in(kind.name)
+    shown = f" The {view.source} shows the same in its {place}." if place else ""
+    width, height = (round(96 * inches) for inches in kind.size_in(view))
+    return "\n".join(
+        [
+            f'<figure id="{kind.name}">',
+            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(kind.title)}">',
+            "<picture>",
+            f'<source media="screen and (prefers-color-scheme: dark)" srcset="{_data(figure.dark)}">',
+            f'<img src="{_data(figure.light)}" width="{width}" height="{height}" '
+            f'alt="{escape(f"{kind.title}. {caption}")}">',
+            "</picture>",
+            "</div>",
+            f"<figcaption><b>Figure {number}. {_line(kind.title)}.</b> {_line(caption + shown)}</figcaption>",
+            "</figure>",
+        ]
+    )
+
+
+def _data(png: bytes) -> str:
+    return f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+def _line(text: str) -> str:
+    return escape(text, quote=False)
+
+
+def _class(text: bool, wide: bool = False) -> str:
+    names = [name for name, wanted in (("text", text), ("wide", wide)) if wanted]
+    return f' class="{" ".join(names)}"' if names else ""

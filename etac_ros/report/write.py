@@ -1,0 +1,76 @@
+"""Writing a report: its pictures and its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from etac_ros.errors import EtacError
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.registry import FIGURES
+from etac_ros.report.figures.style import DARK, LIGHT, PAGE_DPI, Theme, rendered
+from etac_ros.report.page import Drawn, page
+from etac_ros.report.source import read_other, read_run
+from etac_ros.report.view import View
+
+PAGE = "index.html"
+_OVERVIEW_DPI = 125
+"""With this the overview is about 900 x 700 pixels, which suits a README."""
+
+
+class ReportError(EtacError):
+    """A report cannot be written."""
+
+
+def write_report(bag: Path, output: Path | None = None, against: Path | None = None) -> Path:
+    """Draw a report from a bag alone: one PNG file a figure, and one page that holds them all.
+
+    Parameters
+    ----------
+    bag
+        Directory of the bag.
+    output
+        Folder of the report, made if it is not there; None is ``BAG/report``.
+    against
+        Bag of another run of the same scenario, its baseline as a rule, to lay beside it.
+
+    Returns
+    -------
+    Path
+        The page, ``index.html``.
+
+    Raises
+    ------
+    BagError
+        If a bag cannot be read, carries no scenario, or ``against`` is of another scenario.
+    ReportError
+        If the folder cannot be written to.
+    """
+    run = read_run(bag)
+    view = View(run, None if against is None else read_other(against, run))
+    folder = bag / "report" if output is None else output
+    try:
+        # Before drawing, which takes seconds: they should not be lost on a folder that cannot be written to.
+        folder.mkdir(parents=True, exist_ok=True)
+        drawn = []
+        for kind in FIGURES:
+            if kind.applies(view):
+                drawn.append(Drawn(kind, _png(kind, view, LIGHT), _png(kind, view, DARK)))
+                (folder / f"{kind.name}.png").write_bytes(_file(kind, view, drawn[-1]))
+        path = folder / PAGE
+        path.write_text(page(view, drawn), encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise ReportError(
+            str(folder),
+            f"the report cannot be written: {error.strerror or error}",
+            "a folder that may be written to, on a disk that has space left",
+            "choose another with --output",
+        ) from error
+    return path
+
+
+def _png(kind: FigureKind, view: View, theme: Theme, dpi: int = PAGE_DPI) -> bytes:
+    return rendered(lambda figure: kind.draw(view, figure, theme), kind.size_in(view), theme, dpi)
+
+
+def _file(kind: FigureKind, view: View, drawn: Drawn) -> bytes:
+    return _png(kind, view, LIGHT, _OVERVIEW_DPI) if kind.name == "overview" else drawn.light
