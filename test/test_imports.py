@@ -35,7 +35,7 @@ FLOORS = [
 ]
 """From the ground up: a room imports its own floor and those above it in this list."""
 ROS_ENGINE = "etac_ros.engines.ros"
-ROS = {"rclpy", "builtin_interfaces", "rpyutils", "ament_index_python"}
+ROS = {"rclpy", "builtin_interfaces"}
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 
 
@@ -82,9 +82,7 @@ def test_every_room_has_its_floor() -> None:
 @pytest.mark.parametrize("name", [name for name in FILES if name != "etac_ros"])
 def test_imports_come_from_floors_above(name: str) -> None:
     upwards = {
-        other
-        for other in OWN[name]
-        if other != "etac_ros" and FLOORS.index(room(other)) > FLOORS.index(room(name))
+        other for other in OWN[name] if other != "etac_ros" and FLOORS.index(room(other)) > FLOORS.index(room(name))
     }
     assert not upwards, f"{name} is on the floor '{room(name)}' and must not import {sorted(upwards)}"
 

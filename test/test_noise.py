@@ -40,8 +40,9 @@ def test_seeds_and_names_separate_streams(streams: list[tuple[int, str]]) -> Non
     assert np.unique(draws).size == draws.size
 
 
-def test_a_seed_does_not_run_into_the_name() -> None:
-    assert stream_key(1, "1/x") != stream_key(11, "/x")
+def test_seed_and_name_both_count_and_do_not_run_into_each_other() -> None:
+    keys = [stream_key(1, "/x"), stream_key(2, "/x"), stream_key(1, "/y"), stream_key(11, "/x"), stream_key(1, "1/x")]
+    assert len(set(keys)) == len(keys)
 
 
 @given(st.integers(0, 2**63), st.integers(0, 2**40), widths)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_qi2022_numbers import (
@@ -14,6 +14,7 @@ from test_qi2022_numbers import (
     SM_LAW,
     TICKS_PER_SECOND,
     made,
+    patient,
     plant_parameters,
     sections,
 )
@@ -59,7 +60,7 @@ def _motion(second: Inertial, tick: int, state: FloatArray, torque_pm: FloatArra
 
 
 @given(state=clear_states, tick=ticks)
-@settings(max_examples=80, deadline=None)
+@patient
 def test_pm_law_linearises_the_pm(state: FloatArray, tick: int) -> None:
     """Eq. (7) in eq. (2) leaves ``J_p omega_po_dot = -K_pp q - K_dp omega``."""
     parameters = plant_parameters(**HARD)
@@ -71,7 +72,7 @@ def test_pm_law_linearises_the_pm(state: FloatArray, tick: int) -> None:
 
 
 @given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=80, deadline=None)
+@patient
 def test_measurement_is_the_motion_of_the_pm(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     second = Inertial(plant_parameters(**HARD))
     t = tick / TICKS_PER_SECOND
@@ -86,7 +87,7 @@ def test_measurement_is_the_motion_of_the_pm(state: FloatArray, torque_pm: Float
 
 
 @given(state=clear_states, torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=80, deadline=None)
+@patient
 def test_sm_law_leaves_error_feedback_and_panels(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """Eq. (12) in eq. (4): ``J_s omega_sp_dot + Delta eta_ddot = -K_ps q - K_ds omega``."""
     parameters = plant_parameters(**HARD)
@@ -99,7 +100,7 @@ def test_sm_law_leaves_error_feedback_and_panels(state: FloatArray, torque_pm: F
 
 
 @given(state=clear_states, torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=80, deadline=None)
+@patient
 def test_held_error_feedback_and_continuous_feed_forward_make_the_same_law(
     state: FloatArray, torque_pm: FloatArray, tick: int
 ) -> None:
@@ -118,7 +119,7 @@ def test_held_error_feedback_and_continuous_feed_forward_make_the_same_law(
 
 
 @given(state=clear_states, torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=80, deadline=None)
+@patient
 def test_sliding_mode_foresees_the_panels(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """Eq. (19) in eqs. (4), (6): ``J_s omega_sp_dot = tau_s - Delta_s``; ``eta_ddot`` is cancelled."""
     parameters = plant_parameters(**HARD, coupling_scale=0.6)
@@ -151,7 +152,7 @@ def windows(draw: Any) -> tuple[FloatArray, FloatArray, int]:
 
 
 @given(window=windows())
-@settings(max_examples=60, deadline=None)
+@patient
 def test_one_formula_for_windows_and_single_samples(window: tuple[FloatArray, FloatArray, int]) -> None:
     """To the last bit: the row of a window is what the single sample gives."""
     rows, torques, start = window
@@ -182,7 +183,7 @@ def test_one_formula_for_windows_and_single_samples(window: tuple[FloatArray, Fl
 
 
 @given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=60, deadline=None)
+@patient
 def test_both_quaternions_of_an_attitude_are_sent_alike(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """No unwinding: q and -q are the same attitude, so they have the same feedback and measurement."""
     other = state.copy()
@@ -197,7 +198,7 @@ def test_both_quaternions_of_an_attitude_are_sent_alike(state: FloatArray, torqu
 
 
 @given(state=states(), torque_pm=torques_pm, tick=ticks)
-@settings(max_examples=60, deadline=None)
+@patient
 def test_measurement_survives_the_wire(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """float32 may push a vector part beyond norm 1; the law stays finite and close."""
     law, at = made(SM_LAW), np.array([tick])

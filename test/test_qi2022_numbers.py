@@ -7,15 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from etac_ros.errors import ScenarioError
+from etac_ros.laws.law import Signal
+from etac_ros.plants.plant import Plant
 from etac_ros.plants.pm_sm import PmSm, PmSmParameters
 from etac_ros.scenario.classes import import_class, validated
 from etac_ros.scenario.document import Tree, read_sections, with_variant
+from etac_ros.triggers.rule import TriggerRule
 
 _CONFIG = Path(__file__).resolve().parent.parent / "config"
 _FILE = next(path for path in (_CONFIG / "qi2022.yaml", _CONFIG / "qi2022.yaml.draft") if path.is_file())
 TICKS_PER_SECOND = 20
+
+patient = settings(deadline=None, max_examples=80, suppress_health_check=[HealthCheck.too_slow])
+"""For property tests: the first example may have to compile a kernel, on a busy machine."""
 
 PLANT = ("/sim/plant", "dynamics")
 PM_LAW = ("/pm/controller", "law")
@@ -160,6 +167,16 @@ def test_the_printed_sign_of_the_gains_is_refused_with_the_reason(component: tup
 def test_a_heartbeat_is_a_whole_number_of_ticks() -> None:
     with pytest.raises(ValueError, match="no whole number of ticks"):
         made(TRIGGER, None, {"longest_silence_s": 0.12})
+
+
+@pytest.mark.parametrize(
+    ("protocol", "component"),
+    [(Plant, PLANT), (TriggerRule, TRIGGER), (Signal, ("/pm/attitude_sensor", "signal"))],
+)
+def test_nothing_of_a_protocol_is_missing(protocol: type, component: tuple[str, str]) -> None:
+    members = {name for name in (*protocol.__annotations__, *vars(protocol)) if not name.startswith("_")}
+    assert members
+    assert [name for name in sorted(members) if not hasattr(made(component), name)] == []
 
 
 def test_the_plant_offers_what_the_modules_ask_for() -> None:

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_qi2022_numbers import TICKS_PER_SECOND, plant_parameters
+from test_qi2022_numbers import TICKS_PER_SECOND, patient, plant_parameters
 
 from etac_ros.parameters import FloatArray, square
 from etac_ros.plants.pm_sm import PmSm, PmSmParameters
@@ -271,7 +271,7 @@ torques = arrays(np.float64, 6, elements=st.floats(-5.0, 5.0))
 
 
 @given(state=states(), held=torques, tick=st.integers(0, 10**6), count=st.integers(2, 12), data=st.data())
-@settings(max_examples=60, deadline=None)
+@patient
 def test_windows_do_not_change_a_bit(
     state: FloatArray, held: FloatArray, tick: int, count: int, data: st.DataObject
 ) -> None:
@@ -284,7 +284,7 @@ def test_windows_do_not_change_a_bit(
 
 
 @given(state=states(), held=torques)
-@settings(max_examples=60, deadline=None)
+@patient
 def test_attitudes_stay_unit_quaternions(state: FloatArray, held: FloatArray) -> None:
     after = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND).propagate(state, 0, 20, held)
     assert np.isfinite(after).all()
@@ -293,7 +293,7 @@ def test_attitudes_stay_unit_quaternions(state: FloatArray, held: FloatArray) ->
 
 
 @given(state=states(), held=torques, signs=st.tuples(st.sampled_from([-1.0, 1.0]), st.sampled_from([-1.0, 1.0])))
-@settings(max_examples=60, deadline=None)
+@patient
 def test_both_quaternions_of_an_attitude_move_alike(
     state: FloatArray, held: FloatArray, signs: tuple[float, float]
 ) -> None:
@@ -304,7 +304,7 @@ def test_both_quaternions_of_an_attitude_move_alike(
 
 
 @given(state=states(), held=torques, other=torques)
-@settings(max_examples=60, deadline=None)
+@patient
 def test_nothing_done_to_the_sm_moves_the_pm(state: FloatArray, held: FloatArray, other: FloatArray) -> None:
     """Without contact: the PM feels the NCLA's commanded torque and nothing else of the SM."""
     plant = PmSm(plant_parameters(**HARD), TICKS_PER_SECOND)
@@ -317,7 +317,7 @@ def test_nothing_done_to_the_sm_moves_the_pm(state: FloatArray, held: FloatArray
 
 
 @given(state=states())
-@settings(max_examples=100, deadline=None)
+@patient
 def test_gap_angles_are_the_rotation_vector(state: FloatArray) -> None:
     plant = PmSm(plant_parameters(), TICKS_PER_SECOND)
     angles = plant.gap_angles(state[np.newaxis])

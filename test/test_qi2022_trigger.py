@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from test_qi2022_numbers import SM_LAW, TICKS_PER_SECOND, TRIGGER, made, sections
+from test_qi2022_numbers import SM_LAW, TICKS_PER_SECOND, TRIGGER, made, patient, sections
 
 from etac_ros.parameters import FloatArray
 from etac_ros.triggers.state_relative import StateRelativeThreshold, StateRelativeThresholdParameters
@@ -49,6 +49,7 @@ def test_nothing_at_all_fires() -> None:
 
 
 @given(rows=signals, held=vectors)
+@patient
 def test_first_is_the_first_row_over_the_margin(rows: FloatArray, held: FloatArray) -> None:
     errors, thresholds = _rule().margin(rows, held)
     over = np.flatnonzero(errors >= thresholds)
@@ -56,6 +57,7 @@ def test_first_is_the_first_row_over_the_margin(rows: FloatArray, held: FloatArr
 
 
 @given(rows=signals, held=vectors, exponent=st.integers(-20, 20))
+@patient
 def test_the_rule_has_no_scale_of_its_own(rows: FloatArray, held: FloatArray, exponent: int) -> None:
     """Torque, rate and attitude a power of two larger: the same decision (subnormal numbers apart)."""
     rows, held = np.round(rows, 6), np.round(held, 6)
@@ -64,6 +66,7 @@ def test_the_rule_has_no_scale_of_its_own(rows: FloatArray, held: FloatArray, ex
 
 
 @given(rows=signals, held=vectors, split=st.integers(0, 12))
+@patient
 def test_windows_do_not_matter(rows: FloatArray, held: FloatArray, split: int) -> None:
     rule = _rule(silence=0.3)
     whole = rule.first(rows, 100, held, 98)
@@ -76,6 +79,7 @@ def test_windows_do_not_matter(rows: FloatArray, held: FloatArray, split: int) -
 
 
 @given(rows=signals, held=vectors, tick=st.integers(0, 50), since=st.integers(0, 30), silence=st.integers(1, 10))
+@patient
 def test_heartbeat_fires_in_time_and_never_delays(
     rows: FloatArray, held: FloatArray, tick: int, since: int, silence: int
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,14 @@ from hypothesis import strategies as st
 
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import ScenarioError
-from etac_ros.scenario.document import merged, parse_value, read_sections, write_sections
+from etac_ros.scenario.document import (
+    merged,
+    parse_value,
+    read_sections,
+    with_override,
+    with_variant,
+    write_sections,
+)
 from etac_ros.scenario.load import config_folders, load
 
 Small = Callable[..., Path]
@@ -146,6 +154,15 @@ def test_overrides_leave_the_file_and_each_other_alone(small: Small) -> None:
     load(str(path), "clocked", ["seed=9", "sensor.low_pass_s=1"])
     assert path.read_bytes() == before
     assert load(str(path)).digest == plain
+
+
+def test_variants_and_overrides_do_not_change_what_was_read(small: Small) -> None:
+    sections = read_sections(small())
+    before = deepcopy(sections)
+    with_variant(sections, "patient", "small.yaml", ["duration_s"])
+    changed, key, value = with_override(sections, "sensor.trigger.alpha=0.1", [])
+    assert sections == before
+    assert (key, value, changed["/sensor"]["trigger"]["alpha"]) == ("sensor.trigger.alpha", 0.1, 0.1)
 
 
 RESOLVED: list[tuple[str | None, list[str]]] = [

@@ -9,6 +9,7 @@ from html import escape
 from etac_ros import __version__
 from etac_ros.report import tables
 from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.style import Rendered
 from etac_ros.report.stylesheet import STYLESHEET
 from etac_ros.report.tables import Table
 from etac_ros.report.view import View
@@ -16,11 +17,10 @@ from etac_ros.report.view import View
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure that was drawn, as PNG files for a light and a dark page."""
+    """A figure of the report and its files."""
 
     kind: FigureKind
-    light: bytes
-    dark: bytes
+    files: Rendered
 
 
 def page(view: View, drawn: list[Drawn]) -> str:
@@ -115,7 +115,9 @@ def _tiles(view: View) -> str:
     ]
     if "reduction_percent" in here:
         against = "measured" if view.baseline is not None else "published"
-        tiles.append((f"{here['reduction_percent']:.1f} %", f"less than the {against} baseline"))
+        less = here["reduction_percent"]
+        words = f"{'less' if less >= 0.0 else 'more'} than the {against} baseline"
+        tiles.append((f"{abs(less):.1f} %", words))
     if "max_interval_s" in here:
         tiles.append((f"{here['max_interval_s']:.4g} s", "longest interval"))
     cells = [f'<div class="tile"><b>{_line(value)}</b><span>{_line(name)}</span></div>' for value, name in tiles]
@@ -171,8 +173,8 @@ def _figure(view: View, figure: Drawn, number: int) -> str:
             f'<figure id="{kind.name}">',
             f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(kind.title)}">',
             "<picture>",
-            f'<source media="screen and (prefers-color-scheme: dark)" srcset="{_data(figure.dark)}">',
-            f'<img src="{_data(figure.light)}" width="{width}" height="{height}" '
+            f'<source media="screen and (prefers-color-scheme: dark)" srcset="{_data(figure.files.dark)}">',
+            f'<img src="{_data(figure.files.light)}" width="{width}" height="{height}" '
             f'alt="{escape(f"{kind.title}. {caption}")}">',
             "</picture>",
             "</div>",

@@ -135,7 +135,7 @@ def _scenario(bag: Path, found: Bag) -> Scenario:
             return scenario_in(bag, Path(folder))
         except ScenarioError as error:
             # The path of the copy would mean nothing to the reader: it is gone by now.
-            reason = str(error).replace(f"{folder}/", "")
+            reason = f"{error.where}: {error.found}".replace(f"{folder}/", "")
             version = found.metadata.get("version", "unknown")
             raise BagError(
                 f"{bag}: {SCENARIO_ATTACHMENT}",

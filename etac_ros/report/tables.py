@@ -227,7 +227,7 @@ def remarks(view: View) -> tuple[str, ...]:
     """What a reader has to know before believing any of the rest."""
     found = []
     for run, label in zip(_runs(view), _headings(view), strict=True):
-        whose = "This run" if run is view.run else f"The {label}"
+        whose = "This run" if label == "this run" else f"The {label}"
         if run.was_recovered:
             found.append(f"{whose}: the bag had been cut off and was repaired ({run.was_recovered}).")
         if not run.is_complete:
@@ -253,8 +253,8 @@ def _published_notes(view: View) -> tuple[str, ...]:
     run = view.run
     if run.scenario.variant and not run.is_baseline:
         notes.append(
-            "The published figures belong to the scenario as it stands in its file; this run is its variant "
-            f"'{run.scenario.variant}'."
+            f"This run is the scenario's variant '{run.scenario.variant}': what was published may be meant for the "
+            "scenario without it."
         )
     if run.overrides:
         notes.append(

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from etac_ros.errors import EtacError
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
-from etac_ros.report.figures.style import DARK, LIGHT, PAGE_DPI, Theme, rendered
+from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered
 from etac_ros.report.page import Drawn, page
 from etac_ros.report.source import read_other, read_run
 from etac_ros.report.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAGE = "index.html"
 _OVERVIEW_DPI = 125
@@ -54,8 +58,8 @@ def write_report(bag: Path, output: Path | None = None, against: Path | None = N
         drawn = []
         for kind in FIGURES:
             if kind.applies(view):
-                drawn.append(Drawn(kind, _png(kind, view, LIGHT), _png(kind, view, DARK)))
-                (folder / f"{kind.name}.png").write_bytes(_file(kind, view, drawn[-1]))
+                drawn.append(_drawn(kind, view))
+                (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
         path = folder / PAGE
         path.write_text(page(view, drawn), encoding="utf-8", newline="\n")
     except OSError as error:
@@ -68,9 +72,9 @@ def write_report(bag: Path, output: Path | None = None, against: Path | None = N
     return path
 
 
-def _png(kind: FigureKind, view: View, theme: Theme, dpi: int = PAGE_DPI) -> bytes:
-    return rendered(lambda figure: kind.draw(view, figure, theme), kind.size_in(view), theme, dpi)
+def _drawn(kind: FigureKind, view: View) -> Drawn:
+    def draw(figure: Figure, theme: Theme) -> None:
+        kind.draw(view, figure, theme)
 
-
-def _file(kind: FigureKind, view: View, drawn: Drawn) -> bytes:
-    return _png(kind, view, LIGHT, _OVERVIEW_DPI) if kind.name == "overview" else drawn.light
+    dpi = _OVERVIEW_DPI if kind.name == "overview" else PAGE_DPI
+    return Drawn(kind, rendered(draw, kind.size_in(view), dpi))

@@ -221,7 +221,8 @@ def cumulative_bytes(graph: Graph, recording: Recording) -> Curve:
 def transient_end_s(errors: list[Curve]) -> float | None:
     """Where the transient ends and the steady state begins, a round number of seconds.
 
-    The steady state begins when every error stays within twice its largest of the last 40 %.
+    The steady state begins when every error stays within twice its largest of the last 40 %. There is none where
+    an error still falls by more than that within this last part.
 
     Parameters
     ----------
@@ -233,6 +234,8 @@ def transient_end_s(errors: list[Curve]) -> float | None:
     float or None
         None if there is no transient, or most of the run is one.
     """
+    if any(_still_falls(curve) for curve in errors):
+        return None
     ends = [_settled_s(curve) for curve in errors]
     duration = min(float(curve.times_s[-1]) for curve in errors)
     if duration <= 0.0 or max(ends) <= 0.0:
@@ -242,9 +245,19 @@ def transient_end_s(errors: list[Curve]) -> float | None:
     return end if end <= _LONGEST_TRANSIENT * duration else None
 
 
+def _late(error: Curve) -> tuple[FloatArray, int]:
+    """Sizes of an error, and where the last part of the run begins."""
+    return np.abs(error.values[:, 0]), int(np.floor((1.0 - _LAST_PART) * error.times_s.size))
+
+
+def _still_falls(error: Curve) -> bool:
+    size, late = _late(error)
+    middle = (late + size.size) // 2
+    return middle > late and bool(size[late:middle].max() > _SETTLED * size[middle:].max())
+
+
 def _settled_s(error: Curve) -> float:
-    size = np.abs(error.values[:, 0])
-    late = int(np.floor((1.0 - _LAST_PART) * size.size))
+    size, late = _late(error)
     outside = np.flatnonzero(size > _SETTLED * size[late:].max())
     return float(error.times_s[outside[-1]]) if outside.size else 0.0
 

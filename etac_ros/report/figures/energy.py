@@ -56,8 +56,9 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         since = f" since {panel.start_s:g} s" if panel.start_s > 0.0 else ""
         factor = f"$10^{{{power}}}$ " if power else ""
         panel.axes.set_ylabel(f"energy{since} [{factor}{_UNIT}]")
-    names = ("this run",) if len(plants) == 1 else plants
-    panels.key(figure, theme, names, colours, dashed=view.other_label)
+    if len(plants) > 1 or view.other is not None:
+        names = ("this run",) if len(plants) == 1 else plants
+        panels.key(figure, theme, names, colours, dashed=view.other_label)
 
 
 def _caption(view: View) -> str:

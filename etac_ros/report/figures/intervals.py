@@ -48,7 +48,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
             axes.vlines(curve.times_s, axes.get_ylim()[0], gaps, color=theme.this, linewidth=0.6, alpha=0.45)
         size = 3.0 if gaps.size <= _MOST_STEMS else 1.6
         axes.plot(curve.times_s, gaps, "o", color=theme.this, markersize=size, markeredgewidth=0.0)
-        axes.axhline(gaps.mean(), color=theme.limit, linewidth=0.9, linestyle=(0, (5, 2)))
+        axes.axhline(gaps.mean(), color=theme.limit, linewidth=0.9, linestyle=(0, (5, 2)), zorder=1.6)
         if logarithmic:
             _draw_tick(axes, tick_s, theme)
         axes.set_ylabel("interval [s]")

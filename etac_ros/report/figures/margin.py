@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LONGEST_SYMBOL = 3
+_MOST_MARKS = 400
 _DECADES_BELOW = 2.0
 """How far below the smallest threshold the axis goes: right after a message the error is nearly zero."""
 
@@ -34,14 +35,13 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         logarithmic(axes)
         axes.plot(*decimated(both.times_s, both.values[:, 0], BUCKETS), color=theme.this, linewidth=0.8)
         axes.plot(*decimated(both.times_s, both.values[:, 1], BUCKETS), color=theme.limit, linewidth=1.2)
-        axes.plot(fired.times_s, fired.values[:, 0], "o", color=theme.limit, markersize=2.2, markeredgewidth=0.0)
+        if fired.times_s.size <= _MOST_MARKS:
+            axes.plot(fired.times_s, fired.values[:, 0], "o", color=theme.limit, markersize=2.2, markeredgewidth=0.0)
         positive = both.values[:, 1][both.values[:, 1] > 0.0]
         if positive.size:
             axes.set_ylim(positive.min() * 10.0**-_DECADES_BELOW, 2.0 * both.values.max())
         axes.set_ylabel(_label(view, panel.row))
-    names = ("error", "threshold", "triggering instant")
-    panels.key(figure, theme, names, (theme.this, theme.limit, theme.limit))
-    figure.legends[0].get_lines()[2].set(marker="o", markersize=3.5, linestyle="none")
+    panels.key(figure, theme, ("error", "threshold"), (theme.this, theme.limit))
 
 
 def _label(view: View, sensor: str) -> str:
@@ -61,8 +61,8 @@ def _caption(view: View) -> str:
     seen = "what the sensor measured, its noise and filter included" if noisy else "the committed samples"
     return (
         f"What the trigger rule compared at every tick, recomputed from {seen}, and from the value that was "
-        "last on the wire. The error grows until it reaches the threshold; that tick is a triggering instant, "
-        "after which it starts anew near zero (below the axis)."
+        "last on the wire. The error grows until it reaches the threshold; that tick is a triggering instant "
+        "(a dot, unless they are too many), after which it starts anew near zero (below the axis)."
     )
 
 

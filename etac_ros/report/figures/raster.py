@@ -40,17 +40,16 @@ class Row:
 def rows(view: View) -> list[Row]:
     """The sensors of this run, then those of the other one."""
     found = []
-    for run, label in ((view.run, "this run"), (view.other, view.other_label)):
+    for run, label, beside in ((view.run, "this run", False), (view.other, view.other_label, True)):
         if run is None:
             continue
         names = data.trigger_modules(run.graph)
         for name in names:
-            if view.other is None or (len(names) > 1 and run is view.run):
+            if view.other is None or (len(names) > 1 and not beside):
                 words = name
             else:
                 words = f"{name}, {label}" if len(names) > 1 else label
-            instants_s = data.instants_s(run.graph, run.recording, name)
-            found.append(Row(words, instants_s, run is not view.run))
+            found.append(Row(words, data.instants_s(run.graph, run.recording, name), beside))
     return found
 
 

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_MOST_STEPS = 1000
+"""Beyond these, thinner lines keep the axes apart."""
+
+
 def _rows(view: View) -> dict[str, tuple[str, str]]:
     """Plant and port of each row, by what is written on it."""
     ports = [(plant, port) for plant in view.run.graph.plants for port in data.dynamics(view.run.graph, plant).inputs]
@@ -30,7 +34,7 @@ def _limit_nm(view: View, plant: str, port: str) -> float | None:
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
-    run, rows = view.run, _rows(view)
+    run, rows, widest = view.run, _rows(view), 0
     for panel in panels.panel_grid(figure, tuple(rows), view):
         plant, port = rows[panel.row]
         part = panel.held_part(data.held_inputs(run.graph, run.recording, plant)[port])
@@ -52,16 +56,18 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
                 fontsize=7,
             )
         panel.axes.axhline(0.0, color=theme.muted, linewidth=0.5, zorder=1.5)
+        widest = max(widest, part.values.shape[1])
+        width = 1.0 if part.times_s.size <= _MOST_STEPS else 0.5
         for column in range(part.values.shape[1]):
             panel.axes.step(
                 part.times_s,
                 factor * part.values[:, column],
                 where="post",
                 color=theme.colour(column),
-                linewidth=1.0,
+                linewidth=width,
             )
         panel.axes.set_ylabel(f"held torque [{unit}]")
-    panels.key(figure, theme, ("x", "y", "z"))
+    panels.key(figure, theme, ("x", "y", "z")[:widest])
 
 
 def _caption(view: View) -> str:

@@ -18,12 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_STEPS = "steps-post"
+
+
 @dataclass(frozen=True)
 class _Line:
     """One curve, and how it is drawn."""
 
     name: str
     curve: Curve
+    drawstyle: str
     style: dict[str, Any]
 
     @property
@@ -34,15 +38,15 @@ class _Line:
 def _lines(view: View, theme: Theme) -> list[_Line]:
     run, other = view.run, view.other
     measured = data.cumulative_bytes(run.graph, run.recording)
-    lines = [_Line("this run", measured, {"color": theme.this, "linewidth": 1.7})]
+    lines = [_Line("this run", measured, _STEPS, {"color": theme.this, "linewidth": 1.7})]
     if other is not None:
         beside = data.cumulative_bytes(other.graph, other.recording)
-        lines.append(_Line(view.other_label, beside, {"color": theme.other, "linewidth": 1.5}))
+        lines.append(_Line(view.other_label, beside, _STEPS, {"color": theme.other, "linewidth": 1.5}))
     published = view.paper_baseline
     if published is not None and view.baseline is None:
         ends = Curve(np.array([0.0, run.end_s]), np.array([[0.0], [published.value]]))
         style = {"color": theme.other, "linewidth": 1.3, "linestyle": (0, (5, 3))}
-        lines.append(_Line(f"{view.source}'s baseline, not measured", ends, style))
+        lines.append(_Line(f"{view.source}'s baseline, not measured", ends, "default", style))
     return lines
 
 
@@ -52,19 +56,12 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     end_s = max(float(line.curve.times_s[-1]) for line in lines)
     highest = max(max(line.total for line in lines), 1.0)
     axes.set_xlim(0.0, end_s)
-    axes.set_ylim(0.0, 1.14 * highest)
     thousands(axes)
     axes.set_ylabel("payload [bytes]")
     for line in lines:
-        # Rounding the ends keeps a straight line straight: only what comes in messages is a staircase.
-        straight = line.curve.times_s.size == 2
-        axes.plot(
-            line.curve.times_s,
-            line.curve.values[:, 0],
-            drawstyle="default" if straight else "steps-post",
-            **line.style,
-        )
+        axes.plot(line.curve.times_s, line.curve.values[:, 0], drawstyle=line.drawstyle, **line.style)
     heights = _spread([line.total for line in lines], 0.1 * highest)
+    axes.set_ylim(0.0, max(heights) + 0.14 * highest)
     for line, height in zip(lines, heights, strict=True):
         axes.annotate(
             f"{line.name}: {line.total:,.0f} B",

@@ -1,0 +1,204 @@
+"""The numbers behind the figures, held against the run that was recorded and against independent computations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from etac_ros.modules.contract import Window
+from etac_ros.parameters import FloatArray
+from etac_ros.report.figures import data
+from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.source import ReportedRun, read_run
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import load
+
+PLANT, SENSOR = "/plant", "/sensor"
+
+
+def reported(folder: Path, *overrides: str, variant: str | None = None) -> ReportedRun:
+    scenario = load("wu2018", variant, ["duration_s=100", *overrides])
+    run_in_process(scenario, folder / "bag")
+    return read_run(folder / "bag")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> ReportedRun:
+    return reported(tmp_path_factory.mktemp("plain"))
+
+
+def compared(run: ReportedRun) -> data.Margins:
+    found = data.margins(run.scenario.build(), run.recording, SENSOR)
+    assert found is not None
+    return found
+
+
+def instants(run: ReportedRun) -> FloatArray:
+    return np.array(run.summary.triggers[SENSOR].times_s)
+
+
+@pytest.mark.parametrize("variant", [None, "noise", "filtered-noise"])
+def test_error_reaches_the_threshold_at_the_triggering_instants_and_nowhere_between(
+    variant: str | None, tmp_path: Path
+) -> None:
+    run = reported(tmp_path, variant=variant)
+    margins = compared(run)
+    np.testing.assert_array_equal(margins.errors >= margins.thresholds, margins.fired)
+    # The first transmission is not asked for by the rule.
+    np.testing.assert_array_equal(margins.ticks[margins.fired] / 32, instants(run)[1:])
+    assert margins.fired.sum() > 15
+
+
+def test_margins_are_those_of_the_printed_rule(run: ReportedRun) -> None:
+    margins = compared(run)
+    _, states = run.recording.samples(PLANT)
+    s = states[:, 4:7] + 0.08 * states[:, 1:4]
+    held = {message.tick: message.value for message in run.recording.messages["filtered_error"]}
+    last = [max(tick for tick in held if tick < now) for now in margins.ticks.tolist()]
+    e = np.array([held[tick] for tick in last]) - s[margins.ticks]
+    np.testing.assert_allclose(margins.errors, np.linalg.norm(e, axis=1), rtol=1e-12)
+    threshold = 0.5 * np.linalg.norm(s[margins.ticks], axis=1) + 1e-6
+    np.testing.assert_allclose(margins.thresholds, threshold, rtol=1e-12)
+
+
+def test_margins_cover_every_tick_on_which_the_sensor_could_act(run: ReportedRun) -> None:
+    np.testing.assert_array_equal(compared(run).ticks, np.arange(1, run.graph.end_tick))
+
+
+def test_a_rule_that_goes_by_time_has_no_margins(tmp_path: Path) -> None:
+    run = reported(tmp_path, variant="periodic")
+    assert data.margins(run.scenario.build(), run.recording, SENSOR) is None
+
+
+def test_a_module_that_is_no_sensor_has_no_margins(run: ReportedRun) -> None:
+    assert data.margins(run.graph, run.recording, "/controller") is None
+
+
+@pytest.mark.parametrize("links", [[], ["links.torque.delay_ticks=3", "links.torque.loss=0.3"]])
+def test_held_torque_moves_the_plant_along_its_recorded_samples(links: list[str], tmp_path: Path) -> None:
+    run = reported(tmp_path, *links)
+    held = data.held_inputs(run.graph, run.recording, PLANT)["torque"]
+    _, states = run.recording.samples(PLANT)
+    ticks = (held.times_s * 32).round().astype(int)
+    assert (ticks[0], ticks[-1]) == (0, run.graph.end_tick)
+    plant = data.dynamics(run.graph, PLANT)
+    for start, end, torque in zip(ticks[:-1], ticks[1:], held.values, strict=False):
+        if end > start:
+            moved = plant.propagate(states[start], int(start), int(end - start), torque)
+            np.testing.assert_array_equal(moved, states[start + 1 : end + 1])
+    if links:
+        sent = len(run.recording.messages["torque"])
+        assert ticks[1] >= 3
+        assert ticks.size - 2 < sent
+
+
+def test_cumulative_bytes_rise_by_a_message_at_a_time_up_to_the_total(run: ReportedRun) -> None:
+    curve = data.cumulative_bytes(run.graph, run.recording)
+    assert curve.values[-1, 0] == run.summary.network.payload_bytes > 0
+    assert curve.times_s[-1] == run.end_s == 100.0
+    # At each instant s and u, three components of four bytes each.
+    np.testing.assert_array_equal(curve.times_s[:-1], instants(run))
+    np.testing.assert_array_equal(curve.values[:-1, 0], 24.0 * np.arange(1, instants(run).size + 1))
+
+
+def test_cumulative_bytes_of_a_silent_network_stay_zero(run: ReportedRun) -> None:
+    silent = type(run.recording)({name: [] for name in run.recording.messages}, run.recording.truth)
+    curve = data.cumulative_bytes(run.graph, silent)
+    assert curve.times_s.tolist() == [0.0, 100.0]
+    assert curve.values.ravel().tolist() == [0.0, 0.0]
+
+
+def test_energy_ends_at_that_of_the_summary_and_never_falls(run: ReportedRun) -> None:
+    curve = data.energy(run.graph, run.recording, PLANT)
+    assert curve.values[-1, 0] == pytest.approx(run.summary.performance[PLANT].energy_n2m2s, rel=1e-12)
+    assert (np.diff(curve.values[:, 0]) >= 0.0).all()
+
+
+def test_energy_is_the_integral_of_the_held_torque(run: ReportedRun) -> None:
+    held = data.held_inputs(run.graph, run.recording, PLANT)["torque"]
+    ticks = (held.times_s * 32).round().astype(int)
+    every_tick = np.repeat(held.values[:-1], np.diff(ticks), axis=0)
+    curve = data.energy(run.graph, run.recording, PLANT)
+    summed = np.concatenate([[0.0], np.cumsum((every_tick**2).sum(axis=1)) / 32])
+    np.testing.assert_allclose(curve.values[:, 0], summed[(curve.times_s * 32).round().astype(int)], rtol=1e-9)
+
+
+def test_intervals_stand_at_the_instants_that_end_them() -> None:
+    curve = data.intervals(np.array([0.0, 1.5, 2.0]))
+    assert curve.times_s.tolist() == [1.5, 2.0]
+    assert curve.values.ravel().tolist() == [1.5, 0.5]
+    assert data.intervals(np.array([3.0])).times_s.size == 0
+
+
+def test_attitude_and_rate_are_in_degrees(run: ReportedRun) -> None:
+    euler = data.attitude(run.graph, run.recording, PLANT)
+    np.testing.assert_allclose(euler.values[0], [10.0, 5.0, -5.0], atol=1e-12)
+    angle = data.attitude_angle(run.graph, run.recording, PLANT)
+    assert angle.values[-1, 0] == pytest.approx(run.summary.performance[PLANT].attitude_error_deg)
+    speed = np.linalg.norm(data.rate(run.graph, run.recording, PLANT).values, axis=1)
+    assert speed[-1] == pytest.approx(run.summary.performance[PLANT].rate_deg_s)
+    # The body turns as fast as its attitude changes.
+    assert speed.max() == pytest.approx(-np.gradient(angle.values[:, 0], 1 / 32).min(), rel=0.02)
+
+
+def test_a_sensor_is_shown_what_it_fired_on(run: ReportedRun) -> None:
+    sensor = run.scenario.build().modules[SENSOR]
+    first, states = run.recording.samples(PLANT)
+    watched = sensor.watched(Window(PLANT, 1, first, states))  # type: ignore[attr-defined]
+    for message in run.recording.messages["filtered_error"]:
+        np.testing.assert_array_equal(watched[message.tick].astype(np.float32), message.value.astype(np.float32))
+
+
+def exponential(time_constant_s: float, floor: float, end_s: float = 1000.0) -> Curve:
+    times = np.linspace(0.0, end_s, 2001)
+    return Curve(times, (10.0 * np.exp(-times / time_constant_s) + floor)[:, np.newaxis])
+
+
+def test_the_steady_state_begins_where_the_error_stays_within_twice_its_late_size() -> None:
+    # 10 exp(-t / 20) falls to 0.1 at t = 92.1; then a round twentieth of the run.
+    assert data.transient_end_s([exponential(20.0, 0.1)]) == 100.0
+    assert data.transient_end_s([exponential(20.0, 0.1), exponential(40.0, 0.1)]) == 200.0
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        exponential(20.0, 20.0),  # never far from its late size
+        exponential(200.0, 0.0),  # still falling at the end
+        exponential(150.0, 0.01),  # most of the run is transient
+    ],
+)
+def test_a_run_without_both_parts_stays_whole(curve: Curve) -> None:
+    assert data.transient_end_s([curve]) is None
+
+
+@given(
+    arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e3, 1e3)),
+    st.integers(1, 40),
+)
+def test_thinning_keeps_every_peak(values: FloatArray, buckets: int) -> None:
+    times = np.arange(values.size) * 0.5
+    kept_times, kept = decimated(times, values, buckets)
+    assert (kept[0], kept[-1]) == (values[0], values[-1])
+    assert (kept_times[0], kept_times[-1]) == (times[0], times[-1])
+    assert (np.diff(kept_times) > 0.0).all()
+    np.testing.assert_array_equal(kept, values[(kept_times / 0.5).astype(int)])
+    assert kept.size <= max(4 * buckets, 2 * buckets + 2)
+    assert (kept.min(), kept.max()) == (values.min(), values.max())
+
+
+def test_thinning_keeps_a_single_sample_that_sticks_out() -> None:
+    values = np.sin(np.linspace(0.0, 20.0, 50_000))
+    for place in (1, 777, 49_998):
+        spiked = values.copy()
+        spiked[place] = -1.5
+        times, kept = decimated(np.arange(50_000.0), spiked, 500)
+        assert kept.size <= 1002
+        assert place in times
+        assert kept.min() == -1.5

@@ -1,0 +1,245 @@
+"""The report as it stands on the disk: pictures and one page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import shutil
+from base64 import b64decode
+from dataclasses import replace
+from datetime import date
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from etac_ros.report import tables, write_report
+from etac_ros.report.figures.registry import FIGURES
+from etac_ros.report.page import page
+from etac_ros.report.source import ReportedRun, read_run
+from etac_ros.report.view import View
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import load
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+def record(bag: Path, *overrides: str, variant: str | None = None) -> Path:
+    run_in_process(load("wu2018", variant, overrides), bag)
+    return bag
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    record(folder / "run_2026_01_02", "duration_s=200")
+    record(folder / "baseline", "duration_s=200", variant="periodic")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def html(folder: Path) -> Path:
+    return write_report(folder / "run_2026_01_02", against=folder / "baseline")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> ReportedRun:
+    return read_run(record(tmp_path_factory.mktemp("whole") / "bag"))
+
+
+@pytest.fixture(scope="module")
+def periodic(tmp_path_factory: pytest.TempPathFactory) -> ReportedRun:
+    return read_run(record(tmp_path_factory.mktemp("periodic") / "bag", variant="periodic"))
+
+
+class Tags(HTMLParser):
+    """All tags of a page with their attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+
+    def named(self, name: str) -> list[dict[str, str | None]]:
+        return [attributes for tag, attributes in self.found if tag == name]
+
+
+def png_in(uri: str | None) -> bytes:
+    assert uri is not None
+    prefix, _, data = uri.partition(",")
+    assert prefix == "data:image/png;base64"
+    return b64decode(data, validate=True)
+
+
+def cells(table: tables.Table | None, first: str) -> dict[str, str]:
+    """One row of a table by its headings; of equal headings the first counts."""
+    assert table is not None
+    row = next(row for row in table.rows if row.cells[0] == first)
+    assert len(row.cells) == len(table.columns)
+    return dict(reversed(list(zip(table.columns, row.cells, strict=True))))
+
+
+def test_the_report_stands_in_the_bag_unless_told_otherwise(html: Path, folder: Path) -> None:
+    assert html == folder / "run_2026_01_02" / "report" / "index.html"
+    assert read_run(folder / "run_2026_01_02").scenario.name == "wu2018"
+
+
+def test_the_page_needs_nothing_but_itself(html: Path) -> None:
+    text = html.read_text(encoding="utf-8")
+    for forbidden in ("http:", "https:", "file:", "url(", "@import", "<script", "<link", "<iframe"):
+        assert forbidden not in text
+    for _, attributes in Tags(text).found:
+        for name in ("src", "srcset", "href", "data", "poster"):
+            assert attributes.get(name, "data:") is not None
+            assert str(attributes.get(name, "data:")).startswith("data:")
+
+
+def test_every_figure_is_on_the_page_light_and_dark_and_in_words(html: Path) -> None:
+    tags = Tags(html.read_text(encoding="utf-8"))
+    shown = [attributes["id"] for attributes in tags.named("figure")]
+    assert shown == [kind.name for kind in FIGURES]
+    for picture in (tags.named("img"), tags.named("source")):
+        assert len(picture) == len(FIGURES)
+    for name, light, dark in zip(shown, tags.named("img"), tags.named("source"), strict=True):
+        assert light["alt"]
+        files = png_in(light["src"]), png_in(dark["srcset"]), (html.parent / f"{name}.png").read_bytes()
+        assert all(file.startswith(SIGNATURE) for file in files)
+        assert files[0] != files[1]
+        if name != "overview":
+            assert files[0] == files[2]
+
+
+def test_the_overview_is_as_large_as_a_readme_wants_it(html: Path) -> None:
+    header = (html.parent / "overview.png").read_bytes()[16:24]
+    width, height = int.from_bytes(header[:4]), int.from_bytes(header[4:])
+    assert (width, 600 < height < 800) == (900, True)
+
+
+def test_the_same_bag_gives_the_same_bytes_wherever_it_lies(html: Path, folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder / "run_2026_01_02", tmp_path / "moved", ignore=shutil.ignore_patterns("report"))
+    (tmp_path / "moved" / "run_2026_01_02_0.mcap").rename(tmp_path / "moved" / "moved_0.mcap")
+    metadata = tmp_path / "moved" / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("run_2026_01_02", "moved"))
+    again = write_report(tmp_path / "moved", tmp_path / "elsewhere", folder / "baseline")
+    assert again == tmp_path / "elsewhere" / "index.html"
+    assert again.read_bytes() == html.read_bytes()
+    for kind in FIGURES:
+        name = f"{kind.name}.png"
+        assert (again.parent / name).read_bytes() == (html.parent / name).read_bytes()
+
+
+def test_no_wall_clock_stands_on_the_page(html: Path) -> None:
+    # Without its pictures, in which any four digits may stand.
+    text = page(View(read_run(html.parent.parent)), [])
+    assert "2026" not in text
+    assert f"{date.today():%Y}" not in text
+
+
+def test_counts_and_totals_are_those_of_the_run(whole: ReportedRun, periodic: ReportedRun) -> None:
+    table = tables.traffic_table(View(whole, periodic))
+    rows = {row.cells[0]: row for row in table.rows}
+    messages, payload = whole.summary.network.messages, whole.summary.network.payload_bytes
+    assert rows["/filtered_error"].cells[2:4] == (f"{messages // 2}", f"{payload // 2:,}")
+    total = (f"{messages}", f"{payload:,}", f"{16 * messages:,}", "2,000", "24,000")
+    assert rows["all network"].cells[2:] == total
+    assert rows["all network"].strong
+    assert not rows["/filtered_error"].strong
+    # Kinds apart: no physical link and no truth in the network's part.
+    assert list(rows).index("all network") < list(rows).index("/emulation/torque")
+    assert "/emulation/plant/truth" in rows
+    assert rows["/emulation/torque"].cells[3] == ""
+
+
+def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, periodic: ReportedRun) -> None:
+    table = tables.published_table(View(whole, periodic))
+    triggers = cells(table, "triggering instants")
+    assert triggers == {
+        "": "triggering instants",
+        "this run": str(whole.summary.triggers["/sensor"].count),
+        "paper": "84",
+        "band": "72 to 96",
+        "in the band": "yes",
+        "baseline (periodic)": "1,000",
+    }
+    assert cells(table, "baseline's payload [bytes]")["baseline (periodic)"] == "24,000"
+    assert cells(table, "baseline's payload [bytes]")["this run"] == ""
+    reduction = cells(table, "reduction of the payload [%]")
+    payload = whole.summary.network.payload_bytes
+    assert float(reduction["this run"]) == pytest.approx(100.0 * (1.0 - payload / 24_000.0), abs=0.05)
+
+
+def test_what_lies_outside_its_band_is_said_to(tmp_path: Path) -> None:
+    run = read_run(record(tmp_path / "bag", "sensor.trigger.alpha=0.05", "duration_s=200"))
+    view = View(run)
+    table = tables.published_table(view)
+    assert cells(table, "triggering instants")["in the band"] == "no"
+    assert table is not None
+    assert any("overrides sensor.trigger.alpha, duration_s" in note for note in table.notes)
+
+
+def test_without_a_measured_baseline_the_published_one_is_drawn_and_named_so(whole: ReportedRun) -> None:
+    view = View(whole)
+    assert view.paper_baseline is not None
+    assert view.paper_baseline.value == 24_000.0
+    volume = next(kind for kind in FIGURES if kind.name == "bytes")
+    assert "24,000 bytes published for the baseline" in volume.caption(view)
+    assert "not measured" in volume.caption(view)
+    table = tables.published_table(view)
+    assert table is not None
+    assert any("none was measured here" in note for note in table.notes)
+
+
+def test_with_a_measured_baseline_the_published_one_is_not_drawn(whole: ReportedRun, periodic: ReportedRun) -> None:
+    volume = next(kind for kind in FIGURES if kind.name == "bytes")
+    assert "published" not in volume.caption(View(whole, periodic))
+
+
+def test_the_published_baseline_is_not_drawn_over_a_run_of_another_length(folder: Path) -> None:
+    assert View(read_run(folder / "run_2026_01_02")).paper_baseline is None
+
+
+def test_a_baseline_is_compared_with_the_baseline_only(periodic: ReportedRun) -> None:
+    table = tables.published_table(View(periodic))
+    assert table is not None
+    named = [row.cells[0] for row in table.rows]
+    assert "triggering instants" not in named
+    row = cells(table, "baseline's payload [bytes]")
+    assert (row["this run"], row["paper"], row["in the band"]) == ("24,000", "24,000", "yes")
+
+
+def test_captions_say_where_the_paper_shows_the_same(whole: ReportedRun, html: Path) -> None:
+    assert View(whole).shown_in("torque") == "figs. 4 and 5"
+    text = html.read_text(encoding="utf-8")
+    assert "The paper shows the same in its figs. 6 and 7." in text
+
+
+def test_a_rule_without_margins_has_no_margin_figure(periodic: ReportedRun) -> None:
+    applying = [kind.name for kind in FIGURES if kind.applies(View(periodic))]
+    assert applying == [kind.name for kind in FIGURES if kind.name != "margin"]
+
+
+def test_a_run_that_ended_early_is_said_to_have(whole: ReportedRun) -> None:
+    first, samples = whole.recording.truth["/plant"][0]
+    cut = replace(whole, recording=replace(whole.recording, truth={"/plant": [(first, samples)]}))
+    assert tables.remarks(View(whole)) == ()
+    (remark,) = tables.remarks(View(cut))
+    assert f"{(samples.shape[0] - 1) / 32:g} s of 1000 s" in remark
+    assert View(cut).paper_baseline is None
+
+
+def test_identity_tells_how_to_run_it_again(folder: Path) -> None:
+    view = View(read_run(folder / "run_2026_01_02"), read_run(folder / "baseline"))
+    table = tables.identity_table(view)
+    assert cells(table, "overrides")["this run"] == "duration_s=200"
+    assert cells(table, "variant") == {"": "variant", "this run": "none", "baseline (periodic)": "periodic"}
+    assert cells(table, "seed")["this run"] == "1"
+    assert cells(table, "engine")["this run"] == "inprocess"
+    assert cells(table, "digest")["this run"] == load("wu2018", None, ["duration_s=200"]).digest
+
+
+def test_text_from_a_scenario_cannot_become_markup(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", 'title="<script>1</script> & more"', "duration_s=5")
+    text = page(View(read_run(bag)), [])
+    assert "<script" not in text
+    assert "&lt;script&gt;1&lt;/script&gt; &amp; more" in text
