@@ -89,9 +89,7 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
     }
 
 
-def open_bag(
-    scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()
-) -> BagWriter:
+def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> BagWriter:
     """Create the bag of a run, with the complete parameter file inside."""
     topics = (*recorded_topics(scenario.build()), *extra)
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
@@ -202,9 +200,7 @@ def run_over_ros(
         kind = "std_msgs/msg/Float64MultiArray"
         extra = tuple(TopicDescription(window_topic(plant), kind, "emulation") for plant in graph.plants)
     for topic in (*recorded_topics(graph), *extra):
-        schema_text(
-            topic.type_name
-        )  # loads the definitions before the fork, where they cost nobody's start-up
+        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain, shared=bool(graph.external))
     try:
         launcher = Launcher(

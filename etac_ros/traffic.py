@@ -41,9 +41,7 @@ class Totals(_Model):
     """Messages and bytes."""
 
     messages: int
-    payload_bytes: int = Field(
-        description="4 bytes a component, as the papers count; 0 on the emulation plane"
-    )
+    payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
     cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
 
 
@@ -166,9 +164,7 @@ def summarise(
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         bag=bag,
-        published={
-            name: PublishedValue(**figure.model_dump()) for name, figure in scenario.published.items()
-        },
+        published={name: PublishedValue(**figure.model_dump()) for name, figure in scenario.published.items()},
         measured={},
     )
     return with_measured(summary, None)
@@ -203,7 +199,7 @@ def trigger_ticks(graph: Graph, recording: Recording, module: str) -> list[int]:
 
 def _triggers(graph: Graph, recording: Recording) -> dict[str, Triggers]:
     found = {}
-    for name in graph.lookers:
+    for name in graph.reporters:
         if not graph.modules[name].triggers:
             continue
         ticks = np.array(trigger_ticks(graph, recording, name), dtype=np.int64)
@@ -218,9 +214,7 @@ def _triggers(graph: Graph, recording: Recording) -> dict[str, Triggers]:
     return found
 
 
-def _link_topics(
-    graph: Graph, recording: Recording, measured_cdr: Mapping[str, int] | None
-) -> dict[str, Topic]:
+def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, int] | None) -> dict[str, Topic]:
     topics = {}
     for link in graph.links.values():
         messages = recording.messages[link.name]

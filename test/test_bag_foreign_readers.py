@@ -222,6 +222,9 @@ def test_serialized_messages_are_those_of_real_ros(name):
         assert len(cdr) == wire.cdr_bytes
         message = serialization.deserialize_message(cdr, message_class)
         assert flat(message) == value.tolist()
+        if wire.format is WireFormat.STAMPED:
+            header = message.header
+            assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (1, 500_000_000, "")
         again = serialization.serialize_message(message)
         assert len(again) == len(cdr)
         assert decode(wire.type_name, again).tobytes() == value.tobytes()

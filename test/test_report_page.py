@@ -10,9 +10,11 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 from etac_ros.report import tables, write_report
 from etac_ros.report.figures.registry import FIGURES
+from etac_ros.report.figures.style import LIGHT
 from etac_ros.report.page import page
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.report.view import View
@@ -140,15 +142,16 @@ def test_counts_and_totals_are_those_of_the_run(whole: ReportedRun, periodic: Re
     table = tables.traffic_table(View(whole, periodic))
     rows = {row.cells[0]: row for row in table.rows}
     messages, payload = whole.summary.network.messages, whole.summary.network.payload_bytes
-    assert rows["/filtered_error"].cells[2:4] == (f"{messages // 2}", f"{payload // 2:,}")
+    assert rows["/filtered_error"].cells[1:3] == (f"{messages // 2}", f"{payload // 2:,}")
     total = (f"{messages}", f"{payload:,}", f"{16 * messages:,}", "2,000", "24,000")
-    assert rows["all network"].cells[2:] == total
+    assert rows["all network"].cells[1:-1] == total
+    assert rows["/filtered_error"].cells[-1] == "geometry_msgs/Point32"
     assert rows["all network"].strong
     assert not rows["/filtered_error"].strong
     # Kinds apart: no physical link and no truth in the network's part.
     assert list(rows).index("all network") < list(rows).index("/emulation/torque")
     assert "/emulation/plant/truth" in rows
-    assert rows["/emulation/torque"].cells[3] == ""
+    assert rows["/emulation/torque"].cells[2] == ""
 
 
 def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, periodic: ReportedRun) -> None:
@@ -217,6 +220,17 @@ def test_captions_say_where_the_paper_shows_the_same(whole: ReportedRun, html: P
 def test_a_rule_without_margins_has_no_margin_figure(periodic: ReportedRun) -> None:
     applying = [kind.name for kind in FIGURES if kind.applies(View(periodic))]
     assert applying == [kind.name for kind in FIGURES if kind.name != "margin"]
+
+
+def test_axes_with_decades_in_them_are_logarithmic(whole: ReportedRun, periodic: ReportedRun) -> None:
+    scales = {}
+    for kind in FIGURES:
+        figure = Figure()
+        kind.draw(View(whole, periodic), figure, LIGHT)
+        scales[kind.name] = {axes.get_yscale() for axes in figure.axes}
+    assert scales["margin"] == scales["intervals"] == {"log"}
+    assert scales["overview"] == {"log", "linear"}
+    assert scales["attitude"] == scales["torque"] == scales["bytes"] == {"linear"}
 
 
 def test_a_run_that_ended_early_is_said_to_have(whole: ReportedRun) -> None:

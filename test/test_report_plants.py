@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from matplotlib.figure import Figure
+from toy import toy
 
 from etac_ros.report import tables, write_report
 from etac_ros.report.figures import data, raster
 from etac_ros.report.figures.registry import FIGURES
+from etac_ros.report.figures.style import LIGHT
 from etac_ros.report.source import read_run
 from etac_ros.report.view import View
 from etac_ros.runs import run_in_process
@@ -89,3 +92,46 @@ def test_beside_another_run_rows_say_whose_they_are(bag: Path) -> None:
     assert [row.cells[0] for row in table.rows] == [
         f"{plant}, {whose}" for whose in ("this run", "other run") for plant in PLANTS
     ]
+
+
+ODD_RUNS = {
+    "at rest, and one tick long": [
+        "plant.dynamics.attitude_euler_deg=[0.0,0.0,0.0]",
+        "plant.dynamics.disturbance.constant_nm=[0.0,0.0,0.0]",
+        "plant.dynamics.disturbance.cosine_nm=[0.0,0.0,0.0]",
+        "duration_s=0.03125",
+    ],
+    "a fraction of a degree": ["plant.dynamics.attitude_euler_deg=[0.05,0.0,0.0]", "duration_s=20"],
+    "one trigger at the start": ["sensor.trigger.gamma=10.0", "duration_s=20"],
+    "a limit far off, and stamped": ["actuator.limit_nm=1e3", "wire=stamped", "duration_s=20"],
+    "a trigger at every tick": ["sensor.trigger.alpha=1e-9", "sensor.trigger.gamma=1e-300", "duration_s=20"],
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("overrides", ODD_RUNS.values(), ids=ODD_RUNS.keys())
+def test_odd_runs_are_drawn_without_a_warning(overrides: list[str], tmp_path: Path) -> None:
+    run_in_process(load("wu2018", None, overrides), tmp_path / "bag")
+    view = View(read_run(tmp_path / "bag"))
+    for kind in FIGURES:
+        if kind.applies(view):
+            figure = Figure(figsize=kind.size_in(view))
+            kind.draw(view, figure, LIGHT)
+            figure.draw_without_rendering()
+            assert all(axes.get_ylabel() or kind.name in ("overview", "raster") for axes in figure.axes)
+            assert kind.caption(view)
+
+
+@pytest.mark.filterwarnings("error")
+def test_plants_and_modules_of_ones_own_are_drawn_too(tmp_path: Path) -> None:
+    scenario = toy(tmp_path, {"a": {"at": [2, 5, 9]}, "b": {"at": [5, 6]}}, b_says={"delay_ticks": 2})
+    run_in_process(scenario, tmp_path / "bag")
+    view = View(read_run(tmp_path / "bag"))
+    held = data.held_inputs(view.run.graph, view.run.recording, "/b/ramp")["push"]
+    # The brake hears what was said at tick 5 two ticks late.
+    assert held.times_s.tolist() == [0.0, 0.7, 0.8, 2.0]
+    assert held.values.ravel().tolist() == [0.0, -0.5, -0.5, -0.5]
+    assert view.margins == {}
+    for kind in FIGURES:
+        if kind.applies(view):
+            kind.draw(view, Figure(figsize=kind.size_in(view)), LIGHT)

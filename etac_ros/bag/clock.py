@@ -7,37 +7,13 @@ on the wire, and sorting by publish time gives the order of execution. Both are 
 
 from __future__ import annotations
 
-NANOSECONDS = 10**9
+from etac_ros.maths.ticks import NANOSECONDS, tick_of
+from etac_ros.maths.ticks import nanoseconds as log_time_ns
+
+__all__ = ["MOST_STEPS", "NANOSECONDS", "log_time_ns", "publish_time_ns", "step_of", "tick_of"]
+
 MOST_STEPS = 1000
 """Steps are smaller than this, so a message never reaches the next tick of any grid up to 1 MHz."""
-
-
-def log_time_ns(tick: int, ticks_per_second: int) -> int:
-    """Give the simulated time of a tick, rounded down to a nanosecond [ns].
-
-    Parameters
-    ----------
-    tick
-        Tick of the trigger grid.
-    ticks_per_second
-        Rate of the grid [1/s].
-    """
-    return tick * NANOSECONDS // ticks_per_second
-
-
-def tick_of(log_time_ns: int, ticks_per_second: int) -> int:
-    """Find the tick that was logged with this time: the inverse of :func:`log_time_ns`.
-
-    Raises
-    ------
-    ValueError
-        If no tick of this grid has that time.
-    """
-    # The time was rounded down by less than a nanosecond, which is less than a tick: rounding up undoes it.
-    tick = -(-log_time_ns * ticks_per_second // NANOSECONDS)
-    if tick * NANOSECONDS // ticks_per_second != log_time_ns:
-        raise ValueError(f"no tick of a grid of {ticks_per_second} a second lies at {log_time_ns} ns")
-    return tick
 
 
 def publish_time_ns(log_time_ns: int, step: int) -> int:

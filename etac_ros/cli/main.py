@@ -41,9 +41,7 @@ class Spread(StrEnum):
 
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
-Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")
-]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
@@ -54,17 +52,11 @@ def run(
     set_: Set = None,
     engine: Annotated[Engine, typer.Option(help="Over DDS, or by calls in this process.")] = Engine.ros,
     processes: Annotated[Spread, typer.Option(help="One process a node, a namespace, or one.")] = Spread.node,
-    baseline: Annotated[
-        bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")
-    ] = False,
-    bag: Annotated[
-        Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")
-    ] = None,
+    baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
+    bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
     domain: Annotated[int | None, typer.Option(help="ROS domain; default: a free one.")] = None,
-    record_windows: Annotated[
-        bool, typer.Option("--record-windows", help="Put windows into the bag.")
-    ] = False,
+    record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import RunRequest, run_and_show

@@ -74,9 +74,7 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
     leave_process(0)
 
 
-def _show_outcome(
-    scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None
-) -> None:
+def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
     from etac_ros.engines.ros.plan import RECORDER
     from etac_ros.engines.ros.tally import check_counts
 

@@ -69,9 +69,7 @@ def _figures(scenario: Scenario, summary: Summary) -> Table:
             _LABELS.get(name, name.replace("_", " ")),
             "-" if measured is None else _number(measured),
             "" if figure is None else _number(figure.value),
-            ""
-            if figure is None or figure.low == figure.high
-            else f"{_number(figure.low)} to {_number(figure.high)}",
+            "" if figure is None or figure.low == figure.high else f"{_number(figure.low)} to {_number(figure.high)}",
         ]
         if baseline is not None:
             beside = None if name.startswith(("baseline", "reduction")) else baseline.measured.get(name)
@@ -156,9 +154,7 @@ def _topic_table(*more: str) -> Table:
     return table
 
 
-def _topic_row(
-    name: str, type_name: str, messages: int, payload_bytes: int, cdr_bytes: int
-) -> tuple[str, ...]:
+def _topic_row(name: str, type_name: str, messages: int, payload_bytes: int, cdr_bytes: int) -> tuple[str, ...]:
     payload = f"{payload_bytes:,}" if payload_bytes else ""
     return name, type_name.replace("/msg/", "/"), f"{messages:,}", payload, f"{cdr_bytes:,}"
 

@@ -84,7 +84,7 @@ class InProcess:
                 if proposal is None or proposal > grant:
                     return Report(proposal=proposal)
                 return Report(self._send(cell.fire(proposal)), proposal, fired=True, halt=cell.module.halt)
-            case Deliver(_, tick, _, bag):
+            case Deliver(_, tick, _, bag, _):
                 arrivals = tuple(self._arrival(order.module, message) for message in bag)
                 return Report(self._send(cell.receive(tick, arrivals)), halt=cell.module.halt)
             case Fire(_, tick):
@@ -110,9 +110,7 @@ class InProcess:
             self.recording.truth[plant].append((start, samples))
 
     def _arrival(self, receiver: str, message: MessageId) -> Arrival:
-        return Arrival(
-            self._graph.links[message.link].receivers[receiver], message.link, self._values[message]
-        )
+        return Arrival(self._graph.links[message.link].receivers[receiver], message.link, self._values[message])
 
     def _send(self, sent: Sent) -> tuple[str, ...]:
         for link, value in sent:

@@ -6,6 +6,8 @@ from fractions import Fraction
 
 from etac_ros.maths.compiled import inlined
 
+NANOSECONDS = 10**9
+
 
 @inlined
 def seconds(tick, ticks_per_second):  # type: ignore[no-untyped-def]  # compiled for scalars and arrays alike
@@ -40,8 +42,34 @@ def whole_ticks(duration_s: float, ticks_per_second: int) -> int:
     if ticks.denominator != 1:
         below = int(ticks) / ticks_per_second
         above = (int(ticks) + 1) / ticks_per_second
-        nearest = (
-            f"the nearest are {below:.9g} s and {above:.9g} s" if below else f"one tick is {above:.9g} s"
-        )
+        nearest = f"the nearest are {below:.9g} s and {above:.9g} s" if below else f"one tick is {above:.9g} s"
         raise ValueError(f"{duration_s} s is no whole number of ticks of 1/{ticks_per_second} s; {nearest}")
     return int(ticks)
+
+
+def nanoseconds(tick: int, ticks_per_second: int) -> int:
+    """The simulated time of a tick, rounded down to a nanosecond [ns].
+
+    Parameters
+    ----------
+    tick
+        Tick of the trigger grid.
+    ticks_per_second
+        Rate of the grid [1/s].
+    """
+    return tick * NANOSECONDS // ticks_per_second
+
+
+def tick_of(time_ns: int, ticks_per_second: int) -> int:
+    """Find the tick that has this time: the inverse of :func:`nanoseconds`.
+
+    Raises
+    ------
+    ValueError
+        If no tick of this grid has that time.
+    """
+    # The time was rounded down by less than a nanosecond, which is less than a tick: rounding up undoes it.
+    tick = -(-time_ns * ticks_per_second // NANOSECONDS)
+    if tick * NANOSECONDS // ticks_per_second != time_ns:
+        raise ValueError(f"no tick of a grid of {ticks_per_second} a second lies at {time_ns} ns")
+    return tick

@@ -77,13 +77,21 @@ class Module:
         True for a module that answers each bag at once with exactly one message on each connected output, whatever
         the tick, and never acts by itself. Such a module need not report, and a foreign node that merely receives
         and publishes is one.
+    passive
+        True for a module that never acts by itself but may see a plant: it decides when something arrives. Nobody asks
+        it for its next act, so it costs no exchange while nothing arrives.
+    timed
+        True for a module that answers and needs to know the tick. Over a stamped link the message tells it; otherwise
+        it waits for an order.
     triggers
-        True where the module's own acts are the triggering instants that a run counts.
+        True where what the module sends are the triggering instants that a run counts.
     """
 
     Parameters: ClassVar[type[Parameters]] = Parameters
     components: ClassVar[tuple[str, ...]] = ()
     answers: ClassVar[bool] = False
+    passive: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
     triggers: ClassVar[bool] = False
 
     inputs: dict[str, int]
@@ -126,5 +134,5 @@ class Module:
         raise NotImplementedError(f"{type(self).__name__} names ticks in scan() but has no fire()")
 
     def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
-        """Take all that arrives in one step. ``tick`` is None for a module that answers."""
+        """Take all that arrives in one step. ``tick`` is None for a module that answers and is not timed."""
         return {}

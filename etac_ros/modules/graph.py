@@ -70,46 +70,42 @@ class Graph:
         return tuple(name for name, module in self.modules.items() if isinstance(module, PlantModule))
 
     @cached_property
-    def lookers(self) -> tuple[str, ...]:
-        """Names of the modules that can act by themselves: all but plants and those that only answer."""
+    def reporters(self) -> tuple[str, ...]:
+        """Names of the modules that report what they did: all but plants and those that only answer."""
         return tuple(
-            name
-            for name, module in self.modules.items()
-            if not module.answers and not isinstance(module, PlantModule)
+            name for name, module in self.modules.items() if not module.answers and not isinstance(module, PlantModule)
         )
+
+    @cached_property
+    def lookers(self) -> tuple[str, ...]:
+        """Names of the modules that can act by themselves."""
+        return tuple(name for name in self.reporters if not self.modules[name].passive)
 
     @cached_property
     def readers(self) -> Mapping[str, tuple[str, ...]]:
         """The modules that see each plant's windows."""
-        return {
-            plant: tuple(name for name in self.lookers if self.reads.get(name) == plant)
-            for plant in self.plants
-        }
+        return {plant: tuple(name for name in self.reporters if self.reads.get(name) == plant) for plant in self.plants}
 
     @cached_property
     def sends(self) -> Mapping[str, tuple[Link, ...]]:
         """Outgoing links of each module."""
-        return {
-            name: tuple(link for link in self.links.values() if link.sender == name) for name in self.modules
-        }
+        return {name: tuple(link for link in self.links.values() if link.sender == name) for name in self.modules}
 
     @cached_property
     def hears(self) -> Mapping[str, tuple[Link, ...]]:
         """Incoming links of each module."""
-        return {
-            name: tuple(link for link in self.links.values() if name in link.receivers)
-            for name in self.modules
-        }
+        return {name: tuple(link for link in self.links.values() if name in link.receivers) for name in self.modules}
 
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It answers, it has one undelayed input, so a message is a whole bag; and where it has to stamp its answers,
-        the time stands in the message.
+        It answers, it has one undelayed input, so a message is a whole bag; and where it needs to know the time, to
+        compute or to stamp its answers, the message has it.
         """
         incoming = self.hears[module]
         if not self.modules[module].answers or len(incoming) != 1:
             return False
-        stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
         link = incoming[0]
-        return link.channel.delay_ticks == 0 and (not stamps or link.wire.format is WireFormat.STAMPED)
+        stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
+        needs_time = stamps or self.modules[module].timed
+        return link.channel.delay_ticks == 0 and (not needs_time or link.wire.format is WireFormat.STAMPED)

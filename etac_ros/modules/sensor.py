@@ -37,9 +37,7 @@ class SensorParameters(Parameters):
     """Parameters of :class:`Sensor` beside its signal and its trigger rule."""
 
     noise: Noise = Noise()
-    low_pass_s: float = Field(
-        default=0.0, ge=0.0, description="time constant on the measured signal; 0 is none"
-    )
+    low_pass_s: float = Field(default=0.0, ge=0.0, description="time constant on the measured signal; 0 is none")
 
 
 @kernel
@@ -72,9 +70,7 @@ class Sensor(Module):
     components = ("signal", "trigger")
     triggers = True
 
-    def __init__(
-        self, context: Context, parameters: SensorParameters, signal: Signal, trigger: TriggerRule
-    ) -> None:
+    def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: TriggerRule) -> None:
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensor needs a plant, named by the key 'reads'")
@@ -82,13 +78,12 @@ class Sensor(Module):
         self.signal = signal
         self.trigger = trigger
         self.held: FloatArray | None = None
+        self.held_tick: int | None = None
         self._plant = context.plant
         self._wire = self.wire("signal")
         self._noise = parameters.noise
         self._key = stream_key(context.seed, context.name)
-        sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [
-            np.radians(parameters.noise.rate_deg_s)
-        ] * 3
+        sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
         self._sigmas = np.array(sigmas)
         if self._noise.enters is not NoiseEnters.NOWHERE and context.plant.noise_width != self._sigmas.size:
             raise ValueError(
@@ -109,7 +104,7 @@ class Sensor(Module):
         watched, _ = self._signals(window)
         if self.held is None:
             return after + 1
-        index = self.trigger.first(watched[offset:], after + 1, self.held)
+        index = self.trigger.first(watched[offset:], after + 1, self.held, self.held_tick)
         return None if index < 0 else after + 1 + index
 
     def advance(self, tick: int, window: Window) -> None:
@@ -124,6 +119,7 @@ class Sensor(Module):
         last, _, sent = self._memory
         assert last == tick
         self.held = self._wire.rounded(sent)
+        self.held_tick = tick
         return {"signal": self.held}
 
     def watched(self, window: Window) -> FloatArray:

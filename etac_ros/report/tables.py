@@ -157,17 +157,17 @@ def traffic_table(view: View) -> Table:
         for name in names:
             topics = [run.topics.get(name) for run in runs]
             of = next(topic for topic in topics if topic is not None)
-            rows.append(Row((name, of.type.replace("/msg/", "/"), *_counts(topics))))
-        rows.append(Row((f"all {kind}", "", *_counts([_totals(run, kind) for run in runs])), strong=True))
+            rows.append(Row((name, *_counts(topics), of.type.replace("/msg/", "/"))))
+        rows.append(Row((f"all {kind}", *_counts([_totals(run, kind) for run in runs]), ""), strong=True))
     columns = ("messages", "payload [bytes]", "CDR [bytes]")
     headings: tuple[str, ...] = columns
     groups: tuple[tuple[str, int], ...] = ()
     if view.other is not None:
         headings = (*columns, *columns[:2])
-        groups = (("", 2), ("this run", 3), (view.other_label, 2))
+        groups = (("", 1), ("this run", 3), (view.other_label, 2), ("", 1))
     return Table(
         "What crossed the links",
-        ("topic", "type", *headings),
+        ("topic", *headings, "type"),
         tuple(rows),
         (
             "Payload: 4 bytes a component, as the papers count. CDR: the serialized messages, as recorded.",

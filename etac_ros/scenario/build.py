@@ -97,9 +97,7 @@ def _module_class(name: str, where: str) -> type[Module]:
         )
     found = import_class(name, f"{where}.module")
     if not issubclass(found, Module):
-        raise ScenarioError(
-            f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract:Module"
-        )
+        raise ScenarioError(f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract:Module")
     with_parameters(found, f"{where}.module")
     return found
 
@@ -213,16 +211,13 @@ def _link(
     receivers: dict[str, str] = {}
     for node, wanted in ends[1]:
         if node in receivers:
-            raise ScenarioError(
-                f"{where}.to", f"{node} stands there twice", "another link for its other input"
-            )
+            raise ScenarioError(f"{where}.to", f"{node} stands there twice", "another link for its other input")
         inputs = modules[node].inputs
         receivers[node] = _port(wanted, inputs, f"{where}.to", f"input of {node}")
         if inputs[receivers[node]] != size:
             raise ScenarioError(
                 f"{where}.to",
-                f"{node}:{receivers[node]} takes {inputs[receivers[node]]} components, "
-                f"{sender}:{port} sends {size}",
+                f"{node}:{receivers[node]} takes {inputs[receivers[node]]} components, {sender}:{port} sends {size}",
                 "equal sizes",
             )
     namespace = EMULATION if section.kind is LinkKind.PHYSICAL else ""
@@ -273,6 +268,4 @@ def _check(graph: Graph, file: str) -> None:
                 "a module that answers each message at once, over one input link without delay",
             )
         if module.answers and name in graph.reads:
-            raise ScenarioError(
-                f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'"
-            )
+            raise ScenarioError(f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'")

@@ -37,9 +37,7 @@ def import_class(path: str, where: str) -> type:
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
         names = [name for name, value in vars(module).items() if _is_of(value, module_name)]
-        raise ScenarioError(
-            where, f"'{module_name}' has no class '{class_name}'", choice(class_name, sorted(names))
-        )
+        raise ScenarioError(where, f"'{module_name}' has no class '{class_name}'", choice(class_name, sorted(names)))
     return found
 
 
@@ -140,15 +138,11 @@ def check_attributes(built: Any, wanted: type | None, where: str) -> None:
 
 
 def _bases(wanted: type | None) -> list[type]:
-    return (
-        [] if wanted is None else [base for base in wanted.__mro__ if base not in (Protocol, Generic, object)]
-    )
+    return [] if wanted is None else [base for base in wanted.__mro__ if base not in (Protocol, Generic, object)]
 
 
 def _refuse_if_lacking(found: Any, name: str, members: set[str], wanted: type | None, where: str) -> None:
-    lacking = [
-        f"'{name}'" for name in sorted(members) if not name.startswith("_") and not hasattr(found, name)
-    ]
+    lacking = [f"'{name}'" for name in sorted(members) if not name.startswith("_") and not hasattr(found, name)]
     if wanted is not None and lacking:
         raise ScenarioError(
             where,

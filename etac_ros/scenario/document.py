@@ -82,9 +82,7 @@ def read_sections(path: Path) -> Tree:
         raise ScenarioError(str(path), f"cannot be read ({error})") from None
     tree = parse_value(text, str(path))
     if not isinstance(tree, dict) or EVERYWHERE not in tree:
-        raise ScenarioError(
-            str(path), "is not a scenario file", f"a ROS parameter file with a section '{EVERYWHERE}'"
-        )
+        raise ScenarioError(str(path), "is not a scenario file", f"a ROS parameter file with a section '{EVERYWHERE}'")
     sections: Tree = {}
     for name, body in tree.items():
         below = body.get(_PARAMETERS) if isinstance(body, dict) and len(body) == 1 else None

@@ -69,9 +69,7 @@ def unknown_key(key: str, known: Iterable[str], where: str) -> ScenarioError:
 def _fault(model: type[BaseModel], fault: Mapping[str, Any], path: Path, key: str) -> ScenarioError:
     kind = fault["type"]
     if kind == "extra_forbidden":
-        known = [
-            name for kind in _types_at(model, path[:-1]) if _is_model(kind) for name in field_names(kind)
-        ]
+        known = [name for kind in _types_at(model, path[:-1]) if _is_model(kind) for name in field_names(kind)]
         return unknown_key(str(path[-1]), known, key)
     if kind == "missing":
         return ScenarioError(key, "is missing", "a value: this key has no default")
@@ -83,9 +81,7 @@ def _fault(model: type[BaseModel], fault: Mapping[str, Any], path: Path, key: st
 
 def _wrong_length(values: list[Any], length: int, key: str) -> ScenarioError:
     if any(isinstance(value, list) for value in values):
-        return ScenarioError(
-            key, f"found a list of lists, {shown(values)}", f"one list of {length}, row by row"
-        )
+        return ScenarioError(key, f"found a list of lists, {shown(values)}", f"one list of {length}, row by row")
     return ScenarioError(key, f"found {len(values)} values, {shown(values)}", f"{length} values")
 
 

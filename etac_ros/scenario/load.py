@@ -116,9 +116,7 @@ def find(name: str) -> Path:
     known = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
     best = nearest(name, known)
     expected = f"'{best}'? (there are: {', '.join(known)})" if best else f"one of: {', '.join(known)}"
-    raise ScenarioError(
-        f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml"
-    )
+    raise ScenarioError(f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml")
 
 
 def config_folders() -> list[Path]:
@@ -177,9 +175,7 @@ def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mappi
         if name == EVERYWHERE:
             continue
         if not _NODE_NAME.fullmatch(name):
-            raise ScenarioError(
-                f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /"
-            )
+            raise ScenarioError(f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /")
         section = validated(NodeSection, body, f"{path}: {name}")
         nodes[name] = node_parameters(section, f"{path}: {name}")
     scenario = Scenario(run.scenario, run, nodes, run.variant, overrides, variants, path)

@@ -68,9 +68,7 @@ class Published(Parameters):
     __pydantic_extra__: dict[str, PublishedFigure]
 
     source: str = ""
-    shown_in: dict[str, str] | None = Field(
-        default=None, description="the paper's figures by figure of the report"
-    )
+    shown_in: dict[str, str] | None = Field(default=None, description="the paper's figures by figure of the report")
 
     @property
     def figures(self) -> dict[str, PublishedFigure]:

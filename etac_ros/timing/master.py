@@ -36,7 +36,7 @@ class TimeMaster:
     ledger
         The place in time of every message sent since the ledger was last taken.
     fired
-        Number of own acts so far of each module that triggers.
+        Number of triggering instants so far of each module that triggers.
     halted
         Why a watch ended the run; empty otherwise.
     """
@@ -44,7 +44,8 @@ class TimeMaster:
     def __init__(self, graph: Graph, windows: WindowPolicy) -> None:
         self.tick = 0
         self.halted = ""
-        self.fired = {name: 0 for name in graph.lookers if graph.modules[name].triggers}
+        self.fired = {name: 0 for name in graph.reporters if graph.modules[name].triggers}
+        self._last_fired = dict.fromkeys(self.fired, -1)
         self.sent: dict[str, int] = dict.fromkeys(graph.links, 0)
         self.ledger: list[Transit] = []
         self._graph = graph
@@ -57,6 +58,7 @@ class TimeMaster:
         self._calendar: dict[int, dict[str, list[MessageId]]] = {}
         self._granted: dict[str, Report] = {}
         self._starts: dict[str, int] = {}
+        self._opened: dict[str, int] = {}
         self._lengths: dict[str, int] = {}
 
     def take_ledger(self) -> list[Transit]:
@@ -80,9 +82,7 @@ class TimeMaster:
             if self.halted:
                 yield [Close(plant, tick) for plant in self._graph.plants]
                 return
-            renewed = [
-                plant for plant in self._graph.plants if plant in touched or self._proposals[plant] == tick
-            ]
+            renewed = [plant for plant in self._graph.plants if plant in touched or self._proposals[plant] == tick]
             yield from self._look(tick, renewed, touched & self._lookers)
         self.tick = end
         yield [Close(plant, end) for plant in self._graph.plants]
@@ -104,15 +104,13 @@ class TimeMaster:
         for name in due:
             report = self._granted.pop(name)
             del self._proposals[name]
-            if name in self.fired:
-                self.fired[name] += 1
             self._note(name, report, tick, 0, bags)
         step = 1
         while bags:
             if step > _MOST_STEPS_A_TICK:
                 raise self._endless(tick, bags)
             orders = [
-                Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)))
+                Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)), self._epoch(name))
                 for name in sorted(bags, key=self._place.__getitem__)
             ]
             reports = yield orders
@@ -123,12 +121,13 @@ class TimeMaster:
             step += 1
         return touched
 
-    def _note(
-        self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]
-    ) -> None:
+    def _note(self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
         if report.halt:
             self.halted = f"{sender}: {report.halt}"
+        if report.sent and self._last_fired.get(sender, tick) != tick:
+            self._last_fired[sender] = tick
+            self.fired[sender] += 1
         for name in report.sent:
             link = self._graph.links[name]
             self.sent[name] += 1
@@ -149,19 +148,18 @@ class TimeMaster:
             return
         lookers = set(touched)
         for plant in renewed:
-            lookers.update(self._graph.readers[plant])
+            lookers.update(self._lookers.intersection(self._graph.readers[plant]))
         ordered = sorted(lookers, key=self._place.__getitem__)
         for name in ordered:
             self._proposals.pop(name, None)
         for plant in renewed:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
+            self._opened[plant] = self._opened.get(plant, 0) + 1
             first = max(tick, 0)
             self._proposals[plant] = min(first + self._lengths[plant], self._graph.end_tick)
         grant = min(self._earliest(), self._graph.end_tick - 1) if len(ordered) == 1 else -1
-        orders: list[Order] = [
-            Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed
-        ]
+        orders: list[Order] = [Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
         reports = yield orders
         for name, report in zip(ordered, reports[len(renewed) :], strict=True):
@@ -176,6 +174,9 @@ class TimeMaster:
         if self._proposals[plant] == tick:
             return self._policy.after_quiet(self._lengths[plant])
         return self._policy.after_hit(tick - self._starts[plant])
+
+    def _epoch(self, module: str) -> int:
+        return self._opened.get(self._graph.reads.get(module, ""), 0)
 
     def _in_bag(self, message: MessageId) -> tuple[int, int]:
         return self._link_place[message.link], message.sequence

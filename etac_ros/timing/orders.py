@@ -49,6 +49,9 @@ class Deliver:
     tick: int
     step: int
     bag: tuple[MessageId, ...]
+    epoch: int = 0
+    """The window that the module has to see first; 0 if it reads no plant. A passive module does not report on
+    windows, so this order may overtake one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ class Periodic:
     def __init__(self, parameters: PeriodicParameters, ticks_per_second: int) -> None:
         self._period = whole_ticks(parameters.period_s, ticks_per_second)
 
-    def first(self, signals: FloatArray, tick: int, held: FloatArray) -> int:
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first multiple of the period, or -1."""
         ahead = -tick % self._period
         return ahead if ahead < signals.shape[0] else -1

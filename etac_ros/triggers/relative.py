@@ -62,7 +62,7 @@ class RelativeThreshold:
         self._alpha = parameters.alpha
         self._gamma = parameters.gamma
 
-    def first(self, signals: FloatArray, tick: int, held: FloatArray) -> int:
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first sample that fires, or -1."""
         return int(_first(signals, held, self._alpha, self._gamma))
 

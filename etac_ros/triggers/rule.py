@@ -12,7 +12,7 @@ class TriggerRule(Protocol):
 
     Parameters: ClassVar[type[Parameters]]
 
-    def first(self, signals: FloatArray, tick: int, held: FloatArray) -> int:
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first sample that fires, or -1.
 
         Parameters
@@ -23,6 +23,8 @@ class TriggerRule(Protocol):
             Tick of ``signals[0]``.
         held
             The value last transmitted, as it stood on the wire, shape (size,).
+        held_tick
+            Tick at which it was transmitted.
         """
         ...
 

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Publisher, Spinner
-from etac_ros.engines.ros.messages import NANOSECONDS, note, read_note
+from etac_ros.engines.ros.messages import note, read_note
 from etac_ros.engines.ros.module_station import PlantStation
 from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import (
@@ -29,6 +29,7 @@ from etac_ros.engines.ros.plan import (
 )
 from etac_ros.engines.ros.station import Station
 from etac_ros.errors import RunError
+from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Look, Open, Order, Report
 
@@ -76,14 +77,12 @@ class CoordinatorStation(Station):
         self._reports: list[Report | None] = []
         self._awaited: dict[str, int] = {}
         self._ahead: dict[str, int | None] = {}
-        self._go: dict[str, Publisher] = {
-            name: self.publisher(String, go_topic(name), 1) for name in plan.ordered
-        }
+        self._go: dict[str, Publisher] = {name: self.publisher(String, go_topic(name), 1) for name in plan.ordered}
         self._ledger = self.publisher(String, LEDGER, 1)
         self._start = self.publisher(String, START, 0, latched=True)
         self._stop = self.publisher(String, STOP, 0, latched=True)
         self._clock = self.publisher(Clock, "/clock", 0)
-        for name in plan.graph.lookers:
+        for name in plan.graph.reporters:
             self._hear_next(name)
         self.subscription(String, HELLO, self._on_hello, latched=True)
         self.subscription(String, FAULT, self._on_fault, latched=True)
@@ -277,10 +276,8 @@ class CoordinatorStation(Station):
         transits = self.master.take_ledger()
         if transits:
             self._ledger.publish(note(transits))
-        nanoseconds = self.master.tick * NANOSECONDS // self.plan.graph.ticks_per_second
-        self._clock.publish(
-            Clock(clock=Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS))
-        )
+        now = nanoseconds(self.master.tick, self.plan.graph.ticks_per_second)
+        self._clock.publish(Clock(clock=Time(sec=now // NANOSECONDS, nanosec=now % NANOSECONDS)))
         self._on_progress(self.master.tick, self.master.fired)
 
     def _silent(self) -> list[str]:

@@ -120,9 +120,7 @@ class Host:
         for name in sorted(names, key=lambda name: name == COORDINATOR):
             if name == COORDINATOR:
                 local = plants if together else {}
-                self._coordinator = CoordinatorStation(
-                    self._plan, self._spinner, context, local, self._on_progress
-                )
+                self._coordinator = CoordinatorStation(self._plan, self._spinner, context, local, self._on_progress)
                 self._stations.append(self._coordinator)
             elif name == RECORDER:
                 assert self._open_sink is not None
@@ -148,9 +146,7 @@ class Host:
             told = now
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
-                raise RunError(
-                    f"node {waiting[0].name}", f"found no other end for {topics} within {QUIET_S:g} s"
-                )
+                raise RunError(f"node {waiting[0].name}", f"found no other end for {topics} within {QUIET_S:g} s")
             print(f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}", flush=True)
 
     def _take_part(self) -> None:

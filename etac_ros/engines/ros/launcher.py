@@ -143,9 +143,7 @@ class Launcher:
         gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
         for names in self._groups:
             ours, theirs = fork.Pipe(duplex=False)
-            process = fork.Process(
-                target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid())
-            )
+            process = fork.Process(target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid()))
             process.daemon = True
             process.start()
             theirs.close()
@@ -219,9 +217,7 @@ def _ending(exitcode: int | None) -> str:
     return f"ended with exit code {exitcode}"
 
 
-def _play(
-    plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int
-) -> None:
+def _play(plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int) -> None:
     """What a child process does."""
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:

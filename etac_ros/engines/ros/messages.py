@@ -18,11 +18,11 @@ from rclpy.type_support import check_for_type_support
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimension, String
 
+from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.modules.contract import Window
 from etac_ros.modules.wire import Wire
 from etac_ros.parameters import FloatArray
 
-NANOSECONDS = 1_000_000_000
 _WINDOW_HEAD = 3  # epoch, start, grant
 
 _TYPES: dict[str, type] = {

@@ -12,7 +12,6 @@ from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import (
-    NANOSECONDS,
     decode,
     decode_window,
     encode,
@@ -26,6 +25,7 @@ from etac_ros.engines.ros.messages import (
 from etac_ros.engines.ros.notes import read_order, report_note
 from etac_ros.engines.ros.plan import Plan, go_topic, next_topic, truth_topic, window_topic
 from etac_ros.engines.ros.station import Station
+from etac_ros.maths.ticks import nanoseconds, tick_of
 from etac_ros.modules.cell import Cell, Sent
 from etac_ros.modules.contract import Arrival
 from etac_ros.modules.graph import Link
@@ -67,7 +67,7 @@ class ModuleStation(Station):
         if plan.needs_orders(name):
             self._go = self.subscription(String, go_topic(name), self._on_go)
         self._next: Publisher | None = None
-        if name in graph.lookers:
+        if name in graph.reporters:
             self._next = self.publisher(String, next_topic(name), 1)
             if name in graph.reads:
                 self.subscription(Float64MultiArray, window_topic(graph.reads[name]), self._on_window)
@@ -86,8 +86,7 @@ class ModuleStation(Station):
         return (
             not self._orders
             and all(
-                subscription.count.messages == self.stop["sent"][link]
-                for link, subscription in self._incoming.items()
+                subscription.count.messages == self.stop["sent"][link] for link, subscription in self._incoming.items()
             )
             and (self._go is None or self._go.count.messages == orders_due)
         )
@@ -104,7 +103,9 @@ class ModuleStation(Station):
             self._inbox[identity] = decode(message)
             if self._acts_on_arrival:
                 # It answers within the same tick, so a stamp passes through unchanged.
-                self._send(self._cell.receive(None, self._bag((identity,))), stamp_ns(message) or 0)
+                stamp = stamp_ns(message)
+                tick = None if stamp is None else tick_of(stamp, self._ticks_per_second)
+                self._send(self._cell.receive(tick, self._bag((identity,))), stamp or 0)
             else:
                 self._work()
         self.settle()
@@ -116,15 +117,23 @@ class ModuleStation(Station):
     def _on_window(self, message: Any, sequence: int) -> None:
         window, grant = decode_window(message, self.plan.graph.reads[self.name])
         self._cell.see(window)
-        self._look(window.start - 1, grant)
+        if self._cell.module.passive:
+            self._work()
+        else:
+            self._look(window.start - 1, grant)
 
     def _work(self) -> None:
         while self._orders:
             order = self._orders[0]
-            if isinstance(order, Deliver) and any(message not in self._inbox for message in order.bag):
+            if isinstance(order, Deliver) and not self._can_take(order):
                 return
             self._orders.popleft()
             self._obey(order)
+
+    def _can_take(self, order: Deliver) -> bool:
+        window = self._cell.window
+        seen = 0 if window is None else window.epoch
+        return seen >= order.epoch and all(message in self._inbox for message in order.bag)
 
     def _obey(self, order: Order) -> None:
         match order:
@@ -132,7 +141,7 @@ class ModuleStation(Station):
                 self._look(after, grant)
             case Fire(_, tick):
                 self._acted(tick, self._send(self._cell.fire(tick), self._nanoseconds(tick)))
-            case Deliver(_, tick, _, bag):
+            case Deliver(_, tick, _, bag, _):
                 sent = self._cell.receive(tick, self._bag(bag))
                 self._acted(tick, self._send(sent, self._nanoseconds(tick)))
             case _:
@@ -149,7 +158,8 @@ class ModuleStation(Station):
 
     def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
         if self._next is not None:
-            self._report(Report(sent, halt=self._cell.module.halt), tick, self._cell.look(tick))
+            ahead = None if self._cell.module.passive else self._cell.look(tick)
+            self._report(Report(sent, halt=self._cell.module.halt), tick, ahead)
 
     def _report(self, report: Report, tick: int, ahead: int | None) -> None:
         assert self._next is not None
@@ -168,7 +178,7 @@ class ModuleStation(Station):
         return tuple(link.name for link, _ in sent)
 
     def _nanoseconds(self, tick: int) -> int:
-        return tick * NANOSECONDS // self._ticks_per_second
+        return nanoseconds(tick, self._ticks_per_second)
 
 
 class PlantStation(ModuleStation):
@@ -216,7 +226,7 @@ class PlantStation(ModuleStation):
                 self.publish_truth()
                 self._closed = True
                 self.settle()
-            case Deliver(_, tick, _, bag):
+            case Deliver(_, tick, _, bag, _):
                 self._plant.receive(tick, self._bag(bag), None)
             case _:
                 raise TypeError(f"{self.name} is a plant, and cannot obey {order}")

@@ -10,9 +10,10 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import NANOSECONDS, decode_truth, decode_window, message_type, read_note
+from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type, read_note
 from etac_ros.engines.ros.plan import BYE, LEDGER, RECORDER, Plan, truth_topic, window_topic
 from etac_ros.engines.ros.station import Station
+from etac_ros.maths.ticks import nanoseconds
 from etac_ros.modules.graph import Link
 
 
@@ -115,9 +116,7 @@ class RecorderStation(Station):
             self._sort_in(link.name, sequence)
             self.settle()
 
-        self._received[link.topic] = self.subscription(
-            message_type(link.wire), link.topic, on_message, raw=True
-        )
+        self._received[link.topic] = self.subscription(message_type(link.wire), link.topic, on_message, raw=True)
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
@@ -158,7 +157,7 @@ class RecorderStation(Station):
 
     def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:
         assert self._sink is not None
-        log_time = tick * NANOSECONDS // self.plan.graph.ticks_per_second
+        log_time = nanoseconds(tick, self.plan.graph.ticks_per_second)
         self._sink.write(topic, data, log_time, log_time + step, sequence)
         count = self._written.setdefault(topic, Count())
         count.messages += 1

@@ -80,7 +80,7 @@ def dynamics(graph: Graph, plant: str) -> Plant:
 
 def trigger_modules(graph: Graph) -> tuple[str, ...]:
     """Names of the modules whose own acts are triggering instants."""
-    return tuple(name for name in graph.lookers if graph.modules[name].triggers)
+    return tuple(name for name in graph.reporters if graph.modules[name].triggers)
 
 
 def last_tick(graph: Graph, recording: Recording) -> int:

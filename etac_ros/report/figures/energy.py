@@ -10,7 +10,7 @@ from etac_ros.report.figures import data, panels
 from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.panels import Panel
-from etac_ros.report.figures.style import Theme
+from etac_ros.report.figures.style import Theme, power_of_ten
 from etac_ros.report.source import ReportedRun
 from etac_ros.report.view import View
 
@@ -54,7 +54,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
             panel.axes.plot(curve.times_s, 10.0**-power * curve.values[:, 0], color=colour, linewidth=1.5)
         panel.axes.set_ylim(bottom=0.0)
         since = f" since {panel.start_s:g} s" if panel.start_s > 0.0 else ""
-        factor = f"$10^{{{power}}}$ " if power else ""
+        factor = f"{power_of_ten(power)} " if power else ""
         panel.axes.set_ylabel(f"energy{since} [{factor}{_UNIT}]")
     if len(plants) > 1 or view.other is not None:
         names = ("this run",) if len(plants) == 1 else plants

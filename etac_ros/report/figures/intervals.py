@@ -40,7 +40,6 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         gaps = curve.values[:, 0]
         axes.set_xlim(0.0, view.run.end_s)
         if logarithmic:
-            plain_logarithmic(axes)
             axes.set_ylim(0.7 * min(tick_s, shortest), 1.8 * longest)
         else:
             axes.set_ylim(0.0, 1.15 * longest)
@@ -51,10 +50,10 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         axes.axhline(gaps.mean(), color=theme.limit, linewidth=0.9, linestyle=(0, (5, 2)), zorder=1.6)
         if logarithmic:
             _draw_tick(axes, tick_s, theme)
+            plain_logarithmic(axes)
         axes.set_ylabel("interval [s]")
         figures = f"min {gaps.min():.4g} s    mean {gaps.mean():.4g} s (dashed)    max {gaps.max():.4g} s"
         axes.set_title(f"{name}:    {figures}" if len(found) > 1 else figures)
-    figure.align_ylabels(grid[:, 0])
     grid[-1, 0].set_xlabel("time [s]")
 
 

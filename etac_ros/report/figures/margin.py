@@ -32,13 +32,13 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         both = panel.part(Curve(times, np.stack([margins.errors, margins.thresholds], axis=1)))
         fired = panel.part(Curve(times[margins.fired], margins.errors[margins.fired][:, np.newaxis]))
         axes = panel.axes
-        logarithmic(axes)
         axes.plot(*decimated(both.times_s, both.values[:, 0], BUCKETS), color=theme.this, linewidth=0.8)
         axes.plot(*decimated(both.times_s, both.values[:, 1], BUCKETS), color=theme.limit, linewidth=1.2)
         if fired.times_s.size <= _MOST_MARKS:
             axes.plot(fired.times_s, fired.values[:, 0], "o", color=theme.limit, markersize=2.2, markeredgewidth=0.0)
         positive = both.values[:, 1][both.values[:, 1] > 0.0]
         if positive.size:
+            logarithmic(axes)
             axes.set_ylim(positive.min() * 10.0**-_DECADES_BELOW, 2.0 * both.values.max())
         axes.set_ylabel(_label(view, panel.row))
     panels.key(figure, theme, ("error", "threshold"), (theme.this, theme.limit))
@@ -49,7 +49,7 @@ def _label(view: View, sensor: str) -> str:
     assert isinstance(module, Sensor)
     symbol = module.signal.label
     # A list of several quantities is no symbol to take a difference of.
-    error = f"$|{symbol}(t_i) - {symbol}|$" if symbol.isalpha() and len(symbol) <= _LONGEST_SYMBOL else "error"
+    error = f"|{symbol}(tᵢ) − {symbol}|" if symbol.isalpha() and len(symbol) <= _LONGEST_SYMBOL else "error"
     unit = getattr(module.signal, "unit", "")
     return f"{error} [{unit}]" if unit else error
 

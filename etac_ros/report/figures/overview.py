@@ -22,7 +22,6 @@ _RASTER_ROW_IN = 0.27
 def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
     run, other = view.run, view.other
     plants = run.graph.plants
-    plain_logarithmic(axes)
     for number, plant in enumerate(plants):
         colour = theme.this if len(plants) == 1 else theme.colour(number)
         if other is not None:
@@ -36,6 +35,7 @@ def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
         curve = data.attitude_angle(run.graph, run.recording, plant)
         axes.plot(*decimated(curve.times_s, curve.values[:, 0], BUCKETS), color=colour, linewidth=1.3)
     axes.set_xlim(0.0, run.end_s)
+    plain_logarithmic(axes)
     axes.set_ylabel("attitude error [deg]")
 
 

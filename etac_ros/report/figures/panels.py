@@ -75,8 +75,6 @@ def panel_grid(figure: Figure, rows: Sequence[str], view: View) -> list[Panel]:
             if row == len(rows) - 1:
                 axes.set_xlabel("time [s]")
             panels.append(Panel(axes, name, start_s, stop_s))
-    for column in range(len(spans)):
-        figure.align_ylabels(grid[:, column])
     return panels
 
 

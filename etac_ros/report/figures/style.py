@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 WIDTH_IN = 7.2
 """Width of every figure; with the type below it reads at 100 % on a page and, scrolled, on a phone."""
 PAGE_DPI = 220
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_FEW_DECADES = 100.0
 BUCKETS = 1100
 """Pixel columns of a panel at most: what a curve is thinned out to."""
 
@@ -195,7 +198,6 @@ def _settings(theme: Theme) -> dict[str, Any]:
         "figure.constrained_layout.w_pad": 0.05,
         "figure.constrained_layout.wspace": 0.04,
         "axes.formatter.limits": (-4, 5),
-        "axes.formatter.use_mathtext": True,
     }
 
 
@@ -206,19 +208,35 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
     return (1e3, f"m{unit}") if largest >= 5e-5 else (1e6, f"µ{unit}")
 
 
+def power_of_ten(exponent: int) -> str:
+    """Write a power of ten as text; matplotlib's own mathematical text takes many times as long."""
+    return "10" + str(exponent).translate(_SUPERSCRIPTS)
+
+
 def logarithmic(axes: Axes) -> None:
     """Make the vertical axis logarithmic, marked at its decades only."""
-    from matplotlib.ticker import NullLocator
+    from matplotlib.ticker import FuncFormatter, NullLocator
 
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(round(math.log10(value)))))
     axes.yaxis.set_minor_locator(NullLocator())
 
 
 def plain_logarithmic(axes: Axes) -> None:
-    """Make the vertical axis logarithmic, with its decades written out: 0.1, 1, 10."""
-    from matplotlib.ticker import FuncFormatter
+    """Make the vertical axis logarithmic, once all is drawn, with its numbers written out: 0.1, 1, 10.
 
-    logarithmic(axes)
+    It stays as it is where nothing above zero was drawn.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    if not math.isfinite(axes.dataLim.minposy):
+        return
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    # A span without two decades in it would else be left without numbers.
+    subs = (1.0,) if high > _FEW_DECADES * low else (1.0, 2.0, 5.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs))
+    axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
