@@ -16,6 +16,7 @@ from etac_ros.engines.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.graph import Graph, LinkKind
 from etac_ros.modules.plant import PlantModule
+from etac_ros.plants.plant import watches_of
 from etac_ros.scenario.load import Scenario
 
 Kind = Literal["network", "internal", "emulation"]
@@ -64,6 +65,18 @@ class Performance(_Model):
     energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
 
 
+class Watched(_Model):
+    """A quantity that has to stay within bounds."""
+
+    name: str
+    unit: str
+    largest: float = Field(description="largest magnitude over the run")
+    axis: str
+    at_s: float
+    notice: float | None = Field(description="a bound that is only reported")
+    bound: float | None = Field(description="leaving it ends the run")
+
+
 class Timing(_Model):
     """Wall time."""
 
@@ -97,6 +110,7 @@ class Summary(_Model):
     emulation: Totals
     final_state: dict[str, list[float]] = Field(description="by plant; the digits restore the very bits")
     performance: dict[str, Performance] = Field(description="by plant")
+    watches: dict[str, list[Watched]] = Field(description="by plant: what has to stay within bounds")
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
     bag: str | None
@@ -161,6 +175,7 @@ def summarise(
         emulation=_totals(topics, "emulation"),
         final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
         performance={name: _performance(graph, recording, name) for name in graph.plants},
+        watches={name: _watches(graph, recording, name) for name in graph.plants},
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         bag=bag,
@@ -256,6 +271,28 @@ def _performance(graph: Graph, recording: Recording, name: str) -> Performance:
         max_rate_deg_s=float(rates[late:].max()),
         energy_n2m2s=_energy(graph, recording, name, states.shape[0] - 1),
     )
+
+
+def _watches(graph: Graph, recording: Recording, name: str) -> list[Watched]:
+    module = graph.modules[name]
+    assert isinstance(module, PlantModule)
+    first, states = recording.samples(name)
+    found = []
+    for watch in watches_of(module.plant, states):
+        magnitudes = np.abs(watch.values)
+        row, column = np.unravel_index(int(np.argmax(magnitudes)), magnitudes.shape)
+        found.append(
+            Watched(
+                name=watch.name,
+                unit=watch.unit,
+                largest=float(magnitudes[row, column]),
+                axis=watch.axes[column],
+                at_s=float(seconds(first + int(row), graph.ticks_per_second)),
+                notice=watch.notice,
+                bound=watch.bound,
+            )
+        )
+    return found
 
 
 def _energy(graph: Graph, recording: Recording, plant: str, last_tick: int) -> float:

@@ -214,7 +214,7 @@ def test_a_baseline_is_compared_with_the_baseline_only(periodic: ReportedRun) ->
 def test_captions_say_where_the_paper_shows_the_same(whole: ReportedRun, html: Path) -> None:
     assert View(whole).shown_in("torque") == "figs. 4 and 5"
     text = html.read_text(encoding="utf-8")
-    assert "The paper shows the same in its figs. 6 and 7." in text
+    assert "The paper shows the same in its figs.\u00a06 and 7." in text
 
 
 def test_a_rule_without_margins_has_no_margin_figure(periodic: ReportedRun) -> None:

@@ -91,7 +91,7 @@ class Distance:
     def __init__(self, parameters, ticks_per_second):
         self._distance = parameters.distance
 
-    def first(self, signals, tick, held):
+    def first(self, signals, tick, held, held_tick=None):
         hits = np.flatnonzero(np.abs(signals[:, 0] - held[0]) >= self._distance)
         return int(hits[0]) if hits.size else -1
 

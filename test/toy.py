@@ -14,11 +14,13 @@ import yaml
 from etac_ros.engines.recording import Recording
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import Watch
 from etac_ros.scenario.load import Scenario, load
 
 
 class RampParameters(Parameters):
     slope: float = 1.0
+    bound: float | None = None
 
 
 class Ramp:
@@ -33,6 +35,7 @@ class Ramp:
 
     def __init__(self, parameters: RampParameters, ticks_per_second: int) -> None:
         self._slope = parameters.slope
+        self._bound = parameters.bound
 
     def initial_state(self) -> FloatArray:
         return np.zeros(1)
@@ -47,6 +50,9 @@ class Ramp:
 
     def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
         return states
+
+    def watches(self, states: FloatArray) -> tuple[Watch, ...]:
+        return (Watch("ramp", "units", states, ("x",), self._bound),)
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         return np.repeat(states, 3, axis=1)

@@ -41,6 +41,14 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
     console.print(_figures(scenario, summary))
     console.print(_topics(summary))
     console.print(_performance(summary))
+    for plant, watched in summary.watches.items():
+        for watch in watched:
+            limits = [f"{value:g} {word}" for value, word in ((watch.notice, "range"), (watch.bound, "limit")) if value]
+            console.print(
+                f"{plant}: largest {watch.name} {watch.largest:.3f} {watch.unit} about {watch.axis} at {watch.at_s:g} s"
+                f" ({', '.join(limits)} [{watch.unit}])",
+                soft_wrap=True,
+            )
     timing = summary.timing
     speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
     console.print(

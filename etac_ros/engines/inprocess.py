@@ -79,7 +79,10 @@ class InProcess:
     def _obey(self, order: Order) -> Report:
         cell = self._cells[order.module]
         match order:
-            case Look(_, after, grant):
+            case Look(name, after, grant):
+                plant = self._graph.reads.get(name)
+                if plant is not None and self._plant(plant).halt:
+                    return Report()  # there is no window any more to look at
                 proposal = cell.look(after)
                 if proposal is None or proposal > grant:
                     return Report(proposal=proposal)
@@ -91,13 +94,15 @@ class InProcess:
                 return Report(self._send(cell.fire(tick)), halt=cell.module.halt)
             case Open(plant, tick, length, _):
                 self._commit(plant, tick)
+                if halt := self._plant(plant).halt:
+                    return Report(halt=halt)
                 window = self._plant(plant).open(length)
                 for reader in self._graph.readers[plant]:
                     self._cells[reader].see(window)
                 return Report()
             case Close(plant, tick):
                 self._commit(plant, tick)
-                return Report()
+                return Report(halt=self._plant(plant).halt)
 
     def _plant(self, name: str) -> PlantModule:
         module = self._graph.modules[name]

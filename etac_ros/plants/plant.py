@@ -2,9 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 from etac_ros.parameters import FloatArray, Parameters
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A quantity of a plant that is reported, and that ends the run when it leaves its bound.
+
+    Attributes
+    ----------
+    name, unit
+        What it is, and its unit.
+    values
+        The quantity at each state, shape (n, m); its magnitude counts.
+    axes
+        Name of each of the m columns.
+    bound
+        Leaving it ends the run; None only reports.
+    notice
+        A smaller bound that is reported beside the largest value; None is none.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+    axes: tuple[str, ...]
+    bound: float | None
+    notice: float | None = None
 
 
 class Plant(Protocol):
@@ -45,3 +72,17 @@ class Plant(Protocol):
     def attitude_angle(self, states: FloatArray) -> FloatArray:
         """Attitude error as one angle [rad], shape (n,)."""
         ...
+
+
+class WatchedPlant(Plant, Protocol):
+    """A plant with quantities that have to stay within bounds. A plant without them is just a :class:`Plant`."""
+
+    def watches(self, states: FloatArray) -> tuple[Watch, ...]:
+        """The quantities at given states."""
+        ...
+
+
+def watches_of(plant: Plant, states: FloatArray) -> tuple[Watch, ...]:
+    """What a plant watches; nothing where it does not say."""
+    watches = getattr(plant, "watches", None)
+    return () if watches is None else tuple(watches(states))

@@ -94,6 +94,7 @@ from etac_ros.parameters import (
     square,
     vector,
 )
+from etac_ros.plants.plant import Watch
 
 PM_ATTITUDE = slice(0, 4)
 PM_RATE = slice(4, 7)
@@ -336,6 +337,10 @@ class PmSmParameters(Parameters):
     """Initial ``eta``."""
     modal_rates_sqrt_kg_m_s: Vector3 = (0.0, 0.0, 0.0)
     """Initial ``eta_dot``."""
+    air_clearance_deg: PositiveFloat | None = None
+    """Angle about an axis at which the modules touch (Table 1); None watches nothing."""
+    linear_range_deg: PositiveFloat | None = None
+    """Angle up to which the NCLA is linear (Table 1); it is reported, and ends nothing."""
     substeps: PositiveInt = 1
     """RK4 steps a tick."""
 
@@ -483,6 +488,19 @@ class PmSm:
         seen[:, PM_ATTITUDE] = _turned(states[:, PM_ATTITUDE], errors[:, 6:9])
         seen[:, PM_RATE] += errors[:, 9:12]
         return seen
+
+    def watches(self, states: FloatArray) -> tuple[Watch, ...]:
+        """The angle between the modules: leaving the air clearance is a collision."""
+        return (
+            Watch(
+                name="angle between the modules",
+                unit="deg",
+                values=np.degrees(self.gap_angles(states)),
+                axes=("x", "y", "z"),
+                bound=self._parameters.air_clearance_deg,
+                notice=self._parameters.linear_range_deg,
+            ),
+        )
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad] of the SM relative to the PM, shape (n, 3)."""

@@ -165,7 +165,7 @@ def _groups(table: Table) -> str:
 def _figure(view: View, figure: Drawn, number: int) -> str:
     kind = figure.kind
     caption = kind.caption(view)
-    place = view.shown_in(kind.name)
+    place = view.shown_in(kind.name).replace(". ", ".\u00a0")  # a number stays with its "fig."
     shown = f" The {view.source} shows the same in its {place}." if place else ""
     width, height = (round(96 * inches) for inches in kind.size_in(view))
     return "\n".join(

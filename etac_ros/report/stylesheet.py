@@ -70,7 +70,7 @@ footer {
 @media (max-width: 40rem) {
   main { padding: 1.25rem 0.9rem 2rem; }
   h1 { font-size: 1.35rem; }
-  tbody th { white-space: normal; }
+  tbody th { white-space: normal; min-width: 6.5rem; }
 }
 @media print {
   @page { margin: 16mm 14mm; }

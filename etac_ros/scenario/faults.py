@@ -76,6 +76,8 @@ def _fault(model: type[BaseModel], fault: Mapping[str, Any], path: Path, key: st
     if kind == EXACTLY_ONE:
         return _not_exactly_one(fault["ctx"], key)
     text = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
+    if kind == "value_error" and isinstance(fault["input"], dict):
+        return ScenarioError(key, text)  # of several keys together; the text says what is wrong with them
     return ScenarioError(key, f"found {shown(fault['input'])}", _EXPECTED.get(kind, text))
 
 

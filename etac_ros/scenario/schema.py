@@ -49,7 +49,7 @@ class WindowSection(Parameters):
     @model_validator(mode="after")
     def _in_order(self) -> WindowSection:
         if self.first > self.longest:
-            raise ValueError("a first window no longer than the longest")
+            raise ValueError(f"first: {self.first} is longer than longest: {self.longest}")
         return self
 
 

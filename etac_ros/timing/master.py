@@ -66,6 +66,10 @@ class TimeMaster:
         taken, self.ledger = self.ledger, []
         return taken
 
+    def is_halted(self) -> bool:
+        """Whether a watch has ended the run."""
+        return bool(self.halted)
+
     def run(self) -> Batches:
         """The loop. Yields batches of orders; wants a report on each order, in the same order.
 
@@ -76,16 +80,16 @@ class TimeMaster:
         """
         end = self._graph.end_tick
         yield from self._look(-1, self._graph.plants, self._lookers)
-        while (tick := self._earliest()) < end:
+        while not self.is_halted() and (tick := self._earliest()) < end:
             self.tick = tick
             touched = yield from self._act(tick)
-            if self.halted:
-                yield [Close(plant, tick) for plant in self._graph.plants]
-                return
-            renewed = [plant for plant in self._graph.plants if plant in touched or self._proposals[plant] == tick]
-            yield from self._look(tick, renewed, touched & self._lookers)
-        self.tick = end
-        yield [Close(plant, end) for plant in self._graph.plants]
+            if not self.is_halted():
+                used_up = {plant for plant in self._graph.plants if self._proposals[plant] == tick}
+                renewed = [plant for plant in self._graph.plants if plant in touched | used_up]
+                yield from self._look(tick, renewed, touched & self._lookers)
+        if not self.is_halted():
+            self.tick = end
+        yield from self._close(self.tick)
 
     def _earliest(self) -> int:
         earliest = min(self._proposals.values())
@@ -123,8 +127,7 @@ class TimeMaster:
 
     def _note(self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
-        if report.halt:
-            self.halted = f"{sender}: {report.halt}"
+        self._halt(sender, report)
         if report.sent and self._last_fired.get(sender, tick) != tick:
             self._last_fired[sender] = tick
             self.fired[sender] += 1
@@ -141,6 +144,16 @@ class TimeMaster:
                     bags.setdefault(receiver, []).append(message)
                 elif when < self._graph.end_tick:
                     self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+
+    def _halt(self, module: str, report: Report) -> None:
+        if report.halt and not self.halted:
+            self.halted = f"{module}: {report.halt}"
+
+    def _close(self, tick: int) -> Batches:
+        plants = self._graph.plants
+        reports = yield [Close(plant, tick) for plant in plants]
+        for plant, report in zip(plants, reports, strict=True):
+            self._halt(plant, report)
 
     def _look(self, tick: int, renewed: Sequence[str], touched: set[str] | frozenset[str]) -> Batches:
         """Commit the plants whose input changed or whose window is used up; let whom it concerns look again."""
@@ -162,6 +175,8 @@ class TimeMaster:
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
         reports = yield orders
+        for plant, report in zip(renewed, reports, strict=False):
+            self._halt(plant, report)
         for name, report in zip(ordered, reports[len(renewed) :], strict=True):
             if report.proposal is not None:
                 self._proposals[name] = report.proposal

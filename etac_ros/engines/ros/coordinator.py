@@ -84,6 +84,8 @@ class CoordinatorStation(Station):
         self._clock = self.publisher(Clock, "/clock", 0)
         for name in plan.graph.reporters:
             self._hear_next(name)
+        for name in plan.graph.plants:
+            self._hear_halt(name)
         self.subscription(String, HELLO, self._on_hello, latched=True)
         self.subscription(String, FAULT, self._on_fault, latched=True)
         self.subscription(String, BYE, self._on_bye, shared=True)
@@ -149,9 +151,10 @@ class CoordinatorStation(Station):
         return all(name in self.farewells for name in others)
 
     @property
-    def complete(self) -> bool:
-        """Whether the run has ended and all counts are in."""
-        return self.finished and not self.fault
+    def halted(self) -> str:
+        """Why a watch ended the run; empty otherwise."""
+        last = [f"{name}: {bye['halted']}" for name, bye in self.farewells.items() if bye.get("halted")]
+        return self.master.halted or (last[0] if last else "")
 
     def on_start(self) -> None:
         """Begin: the master's first orders."""
@@ -171,6 +174,18 @@ class CoordinatorStation(Station):
                 self._proceed()
 
         self.subscription(String, next_topic(module), on_next)
+
+    def _hear_halt(self, plant: str) -> None:
+        def on_halt(message: Any, sequence: int) -> None:
+            report, _ = read_report(read_note(message))
+            self._reports = [
+                report if isinstance(order, Open) and order.module == plant else known or Report()
+                for order, known in zip(self._orders, self._reports, strict=True)
+            ]
+            self._awaited.clear()  # there is no window that anybody could look at
+            self._proceed()
+
+        self.subscription(String, next_topic(plant), on_halt)
 
     def _on_hello(self, message: Any, sequence: int) -> None:
         hello = read_note(message)

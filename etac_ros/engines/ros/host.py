@@ -205,7 +205,7 @@ class Host:
         master = self._coordinator.master
         return Outcome(
             tick=master.tick,
-            halted=master.halted,
+            halted=self._coordinator.halted,
             fired=dict(master.fired),
             sent=dict(master.sent),
             farewells=dict(self._coordinator.farewells),

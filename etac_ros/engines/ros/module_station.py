@@ -199,12 +199,17 @@ class PlantStation(ModuleStation):
         self._published = time.monotonic()
         readers = len(plan.graph.readers[name]) + int(plan.record_windows)
         self._windows = self.publisher(Float64MultiArray, window_topic(name), readers)
+        self._halts = self.publisher(String, next_topic(name), 1)
         self._truth = self.publisher(Float64MultiArray, truth_topic(name), 1)
 
     def drained(self) -> bool:
         """Whether the last order has been obeyed."""
         assert self.stop is not None
         return bool(self.stop["fault"]) or (self._closed and super().drained())
+
+    def farewell(self) -> dict[str, Any]:
+        """The counts, and why the run had to end if the last samples said so."""
+        return {**super().farewell(), "halted": self._plant.halt}
 
     def leave(self) -> None:
         """Publish the rest of what is committed, then leave."""
@@ -220,7 +225,10 @@ class PlantStation(ModuleStation):
         match order:
             case Open(_, tick, length, grant):
                 self._commit(tick)
-                self._windows.publish(encode_window(self._plant.open(length), grant))
+                if self._plant.halt:
+                    self._halts.publish(note(report_note(Report(halt=self._plant.halt), tick, None)))
+                else:
+                    self._windows.publish(encode_window(self._plant.open(length), grant))
             case Close(_, tick):
                 self._commit(tick)
                 self.publish_truth()
