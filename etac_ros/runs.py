@@ -149,11 +149,42 @@ class RosOptions:
         ROS domain; None takes a free one.
     record_windows
         Put the windows of the emulation plane into the bag, too.
+    only
+        Namespace of the part of the run that is played here; the others join the same ``domain``.
     """
 
     processes: str = "node"
     domain: int | None = None
     record_windows: bool = False
+    only: str | None = None
+
+
+def play_part(scenario: Scenario, options: RosOptions) -> bool:
+    """Play the part of a run that ``options.only`` names, if another part keeps time.
+
+    Returns
+    -------
+    bool
+        False if this part is the one with plant, time and recorder: :func:`run_over_ros` plays that.
+
+    Raises
+    ------
+    EtacError
+        If there is no such part, or the run failed.
+    """
+    from etac_ros.engines.ros.launcher import Launcher, Processes
+    from etac_ros.engines.ros.plan import COORDINATOR, Plan
+
+    assert options.only is not None
+    if options.domain is None:
+        raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
+    if COORDINATOR in plan.part(options.only):
+        return False
+    warm_up(scenario)
+    processes = Processes(options.processes)
+    Launcher(plan, processes, options.domain, options.only, _no_bag, lambda *_: None, lambda _: None).run()
+    return True
 
 
 def run_over_ros(
@@ -201,17 +232,19 @@ def run_over_ros(
         extra = tuple(TopicDescription(window_topic(plant), kind, "emulation") for plant in graph.plants)
     for topic in (*recorded_topics(graph), *extra):
         schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
-    lease = take_domain(options.domain, shared=bool(graph.external))
+    lease = take_domain(options.domain, shared=bool(graph.external) or options.only is not None)
     try:
         launcher = Launcher(
             plan,
             Processes(options.processes),
-            lease,
+            lease.domain,
+            options.only,
             lambda: open_bag(scenario, bag, "ros", extra),
             on_progress,
             on_start,
         )
         outcome = launcher.run()
+        assert outcome is not None  # this part keeps time
     except BaseException:
         make_readable(bag)
         raise
@@ -238,6 +271,10 @@ def run_over_ros(
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+def _no_bag() -> BagWriter:
+    raise AssertionError("only the part with the recorder writes a bag")
 
 
 def make_readable(bag: Path) -> None:

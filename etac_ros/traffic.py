@@ -186,20 +186,24 @@ def summarise(
 
 
 def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
-    """The summary with the figures that stand beside the paper's, and with its baseline."""
-    measured = {
-        "triggers": float(sum(triggers.count for triggers in summary.triggers.values())),
-        "network_messages": float(summary.network.messages),
-        "network_payload_bytes": float(summary.network.payload_bytes),
-    }
+    """The summary with the figures that stand beside the paper's, and with its baseline.
+
+    A figure of one sensor bears its name: ``triggers_pm_relative_sensor``; where there is one sensor only, it is
+    ``triggers`` and ``max_interval_s``.
+    """
+    measured = {}
     for name, triggers in summary.triggers.items():
-        measured[f"triggers{name.replace('/', '_')}"] = float(triggers.count)
-    longest = [t.max_interval_s for t in summary.triggers.values() if t.max_interval_s is not None]
-    if longest:
-        measured["max_interval_s"] = max(longest)
+        suffix = "" if len(summary.triggers) == 1 else name.replace("/", "_")
+        measured[f"triggers{suffix}"] = float(triggers.count)
+        if triggers.max_interval_s is not None:
+            measured[f"max_interval_s{suffix}"] = triggers.max_interval_s
+    measured["network_messages"] = float(summary.network.messages)
+    measured["network_payload_bytes"] = float(summary.network.payload_bytes)
     if baseline is not None:
         measured["baseline_messages"] = float(baseline.network.messages)
         measured["baseline_payload_bytes"] = float(baseline.network.payload_bytes)
+        if baseline.network.messages:
+            measured["message_reduction_percent"] = 100.0 * (1.0 - summary.network.messages / baseline.network.messages)
         if baseline.network.payload_bytes:
             ratio = summary.network.payload_bytes / baseline.network.payload_bytes
             measured["reduction_percent"] = 100.0 * (1.0 - ratio)

@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from matplotlib.figure import Figure
 
 from etac_ros.modules.contract import Window
 from etac_ros.parameters import FloatArray
 from etac_ros.report.figures import data
 from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.figures.panels import Panel
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
@@ -155,6 +157,22 @@ def test_a_sensor_is_shown_what_it_fired_on(run: ReportedRun) -> None:
         np.testing.assert_array_equal(watched[message.tick].astype(np.float32), message.value.astype(np.float32))
 
 
+def test_a_part_of_a_curve_has_both_its_ends() -> None:
+    curve = Curve(np.array([0.0, 1.0, 2.0, 3.0]), np.arange(4.0)[:, np.newaxis])
+    assert curve.between(1.0, 2.0).times_s.tolist() == [1.0, 2.0]
+    assert curve.between(0.5, 2.5).times_s.tolist() == [1.0, 2.0]
+    assert curve.between(2.0, 9.0).values.ravel().tolist() == [2.0, 3.0]
+
+
+def test_a_part_of_a_staircase_begins_with_what_held_before() -> None:
+    stairs = Curve(np.array([0.0, 1.0, 4.0, 5.0]), np.array([[7.0], [8.0], [9.0], [9.0]]))
+    part = Panel(Figure().subplots(), "", 2.0, 4.5).held_part(stairs)
+    assert part.times_s.tolist() == [2.0, 4.0, 4.5]
+    assert part.values.ravel().tolist() == [8.0, 9.0, 9.0]
+    # A step right at the start replaces what held before.
+    assert Panel(Figure().subplots(), "", 4.0, 5.0).held_part(stairs).values[0, 0] == 9.0
+
+
 def exponential(time_constant_s: float, floor: float, end_s: float = 1000.0) -> Curve:
     times = np.linspace(0.0, end_s, 2001)
     return Curve(times, (10.0 * np.exp(-times / time_constant_s) + floor)[:, np.newaxis])
@@ -171,7 +189,7 @@ def test_the_steady_state_begins_where_the_error_stays_within_twice_its_late_siz
     [
         exponential(20.0, 20.0),  # never far from its late size
         exponential(200.0, 0.0),  # still falling at the end
-        exponential(150.0, 0.01),  # most of the run is transient
+        exponential(150.0, 0.01),  # the same above a floor
     ],
 )
 def test_a_run_without_both_parts_stays_whole(curve: Curve) -> None:

@@ -100,7 +100,9 @@ def test_the_page_needs_nothing_but_itself(html: Path) -> None:
 def test_every_figure_is_on_the_page_light_and_dark_and_in_words(html: Path) -> None:
     tags = Tags(html.read_text(encoding="utf-8"))
     shown = [attributes["id"] for attributes in tags.named("figure")]
-    assert shown == [kind.name for kind in FIGURES]
+    assert shown == [
+        "overview", "attitude", "rate", "torque", "margin", "intervals", "bytes", "raster", "energy",
+    ]  # fmt: skip
     for picture in (tags.named("img"), tags.named("source")):
         assert len(picture) == len(FIGURES)
     for name, light, dark in zip(shown, tags.named("img"), tags.named("source"), strict=True):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 import yaml
 from matplotlib.figure import Figure
-from toy import toy
+from toy import Ramp, toy
 
 from etac_ros.report import tables, write_report
 from etac_ros.report.figures import data, raster
@@ -135,3 +135,47 @@ def test_plants_and_modules_of_ones_own_are_drawn_too(tmp_path: Path) -> None:
     for kind in FIGURES:
         if kind.applies(view):
             kind.draw(view, Figure(figsize=kind.size_in(view)), LIGHT)
+
+
+class Twofold(Ramp):
+    """A ramp with two inputs."""
+
+    inputs: ClassVar[dict[str, int]] = {"push": 1, "pull": 1}
+
+
+def test_each_input_of_a_plant_is_held_and_spends_energy_by_itself(tmp_path: Path) -> None:
+    def link(sender: str, *receivers: str, kind: str = "physical") -> dict[str, Any]:
+        return {"from": sender, "to": list(receivers), "kind": kind}
+
+    links = {
+        "said": link("/sensor", "/a", "/b", kind="network"),
+        "push": link("/a", "/ramp:push"),
+        "pull": link("/b", "/ramp:pull"),
+        "echo": link("/other", "/sensor", kind="internal"),
+    }
+    run = {"scenario": "twofold", "ticks_per_second": 10, "duration_s": 2.0, "links": links}
+    sections = {
+        "/**": run,
+        "/ramp": {"module": "plant", "dynamics": {"class": "test_report_plants:Twofold"}},
+        "/other": {"module": "toy:Scripted", "reads": "/ramp"},
+        "/sensor": {"module": "toy:Scripted", "reads": "/ramp", "at": [4]},
+        "/a": {"module": "toy:Brake"},
+        "/b": {"module": "toy:Brake"},
+    }
+    run["links"] |= {"heard": link("/sensor:said", "/other", kind="internal") | {"topic": "/heard"}}
+    path = tmp_path / "twofold.yaml"
+    path.write_text(yaml.safe_dump({name: {"ros__parameters": body} for name, body in sections.items()}))
+    run_in_process(load(str(path)), tmp_path / "bag")
+    view = View(read_run(tmp_path / "bag"))
+    held = data.held_inputs(view.run.graph, view.run.recording, "/ramp")
+    for port in ("push", "pull"):
+        assert held[port].times_s.tolist() == [0.0, 0.4, 2.0]
+        assert held[port].values.ravel().tolist() == [0.0, -0.5, -0.5]
+    spent = data.energy(view.run.graph, view.run.recording, "/ramp").values[-1, 0]
+    assert spent == pytest.approx(2 * 0.25 * 1.6)
+    # Internal links are no network, and both ports have a row of their own.
+    assert data.cumulative_bytes(view.run.graph, view.run.recording).values[-1, 0] == 4.0
+    torque = next(kind for kind in FIGURES if kind.name == "torque")
+    figure = Figure(figsize=torque.size_in(view))
+    torque.draw(view, figure, LIGHT)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["/ramp: push", "/ramp: pull"]

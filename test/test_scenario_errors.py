@@ -137,7 +137,7 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
     "windows the wrong way round": (
         "seed: 3",
         "windows: {first: 9, longest: 3}",
-        ["/**.windows: first: 9 is longer than longest: 3"],
+        ["/**.windows: first is 9, and must be no longer than the longest, 3"],
     ),
     "a class that is nowhere": (
         "etac_ros.triggers.relative:RelativeThreshold",

@@ -55,7 +55,10 @@ def run(
     baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
     bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
-    domain: Annotated[int | None, typer.Option(help="ROS domain; default: a free one.")] = None,
+    domain: Annotated[int | None, typer.Option("--domain", "--join", help="ROS domain; default: a free one.")] = None,
+    only: Annotated[
+        str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
+    ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -73,6 +76,7 @@ def run(
         json,
         domain,
         record_windows,
+        only,
     )
     run_and_show(request, make_console())
 

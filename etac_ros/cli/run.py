@@ -18,6 +18,7 @@ from etac_ros.runs import (
     Run,
     baseline_of,
     free_bag_directory,
+    play_part,
     run_in_process,
     run_over_ros,
     warm_up,
@@ -40,11 +41,20 @@ class RunRequest:
     json: Path | None
     domain: int | None
     record_windows: bool
+    only: str | None = None
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
     """Run what was asked for, show the tables, write the summary."""
     scenario = load(request.scenario, request.variant, request.overrides)
+    if request.only is not None:
+        if request.engine != "ros":
+            raise ScenarioError("--only", "is for --engine ros")
+        options = RosOptions(request.processes, request.domain, only=request.only)
+        console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
+        if play_part(scenario, options):
+            console.print(f"{request.only}: the run is over")
+            return
     bag = request.bag
     if bag is None and request.engine == "ros":
         bag = free_bag_directory(scenario)
@@ -76,7 +86,7 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
     if request.engine == "inprocess":
         return run_in_process(scenario, bag)
     assert bag is not None
-    options = RosOptions(request.processes, request.domain, request.record_windows)
+    options = RosOptions(request.processes, request.domain, request.record_windows, request.only)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),

@@ -22,7 +22,8 @@ _LABELS = {
     "network_payload_bytes": "network payload [bytes]",
     "baseline_messages": "baseline's network messages",
     "baseline_payload_bytes": "baseline's payload [bytes]",
-    "reduction_percent": "reduction [%]",
+    "message_reduction_percent": "fewer messages [%]",
+    "reduction_percent": "fewer bytes [%]",
     "max_interval_s": "longest interval [s]",
 }
 
@@ -65,25 +66,28 @@ def _figures(scenario: Scenario, summary: Summary) -> Table:
     table = _table("")
     for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
         table.add_column(column, justify="right", no_wrap=True)
-    names = [*summary.measured, *(name for name in summary.published if name not in summary.measured)]
-    for name in names:
+    for name in [*summary.measured, *(name for name in summary.published if name not in summary.measured)]:
         measured = summary.measured.get(name)
-        if measured is None and name not in summary.published:
-            continue
-        if name not in _LABELS and name not in summary.published:
-            continue
         figure = summary.published.get(name)
         row = [
-            _LABELS.get(name, name.replace("_", " ")),
+            _label(name, summary),
             "-" if measured is None else _number(measured),
             "" if figure is None else _number(figure.value),
             "" if figure is None or figure.low == figure.high else f"{_number(figure.low)} to {_number(figure.high)}",
         ]
         if baseline is not None:
-            beside = None if name.startswith(("baseline", "reduction")) else baseline.measured.get(name)
+            beside = baseline.measured.get(name)
             row.append("" if beside is None else _number(beside))
         table.add_row(*row)
     return table
+
+
+def _label(name: str, summary: Summary) -> str:
+    for sensor in summary.triggers:
+        suffix = sensor.replace("/", "_")
+        if name.endswith(suffix) and name.removesuffix(suffix) in _LABELS:
+            return f"{_LABELS[name.removesuffix(suffix)]}, {sensor}"
+    return _LABELS.get(name, name.replace("_", " "))
 
 
 def _topics(summary: Summary) -> Table:

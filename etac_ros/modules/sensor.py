@@ -84,7 +84,8 @@ class Sensor(Module):
         self._noise = parameters.noise
         self._key = stream_key(context.seed, context.name)
         sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
-        self._sigmas = np.array(sigmas)
+        # Attitude and rate of each body that the plant measures.
+        self._sigmas = np.tile(sigmas, context.plant.noise_width // len(sigmas))
         if self._noise.enters is not NoiseEnters.NOWHERE and context.plant.noise_width != self._sigmas.size:
             raise ValueError(
                 f"noise is described for {self._sigmas.size} deviates a sample (attitude and rate); "

@@ -49,7 +49,7 @@ class WindowSection(Parameters):
     @model_validator(mode="after")
     def _in_order(self) -> WindowSection:
         if self.first > self.longest:
-            raise ValueError(f"first: {self.first} is longer than longest: {self.longest}")
+            raise ValueError(f"first is {self.first}, and must be no longer than the longest, {self.longest}")
         return self
 
 

@@ -60,6 +60,8 @@ class Host:
         Told the tick and the triggers so far, where the coordinator is played.
     parent
         Process whose end means the end of this one; None for a node started by hand.
+    patient
+        Others of the run are started by hand, which may take its time, and nobody sees them die but their peers.
     """
 
     def __init__(
@@ -69,14 +71,14 @@ class Host:
         open_sink: Callable[[], Sink] | None = None,
         on_progress: Progress = _nothing,
         parent: int | None = None,
+        patient: bool = True,
     ) -> None:
         self._plan = plan
         self._names = names
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._parent = parent
-        # Who starts nodes by hand may take his time over it.
-        self._patient = parent is None or bool(plan.graph.external)
+        self._patient = patient
         self._told_to_end = False
         self._roll_call = 0.0
         self._stations: list[Station] = []
@@ -159,8 +161,8 @@ class Host:
         if self._coordinator is not None:
             self._coordinator.idle(self._patient)
         now = time.monotonic()
-        if self._parent is not None or now < self._roll_call:
-            return  # a parent sees at once when a process ends
+        if not self._patient or now < self._roll_call:
+            return  # a parent of all sees at once when a process ends
         self._roll_call = now + _ROLL_CALL_S
         for station in self._stations:
             if station.stop is not None and station.stop["fault"]:

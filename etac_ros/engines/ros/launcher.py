@@ -22,7 +22,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from etac_ros.engines.ros.coordinator import Progress
-from etac_ros.engines.ros.domain import DomainLease, dds_environment
+from etac_ros.engines.ros.domain import dds_environment
 from etac_ros.engines.ros.host import Host, leave_process
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
@@ -42,11 +42,11 @@ class Processes(StrEnum):
     ONE = "one"
 
 
-def groups(plan: Plan, processes: Processes) -> list[tuple[str, ...]]:
+def groups(plan: Plan, processes: Processes, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The nodes of each process. The recorder always has one of its own, so that it outlives a failing node."""
     together = {COORDINATOR: plan.timekeeper_with} if plan.timekeeper_with else {}
     grouped: dict[str, list[str]] = {}
-    for name in plan.stations:
+    for name in names:
         home = together.get(name, name)
         if name == RECORDER or processes is Processes.NODE:
             key = home
@@ -79,8 +79,10 @@ class Launcher:
         The run.
     processes
         How nodes are spread.
-    lease
+    domain
         The ROS domain.
+    only
+        Namespace of the part of the run that is played here; None plays all of it.
     open_sink
         Creates the bag, in the recorder's process.
     on_progress
@@ -98,7 +100,8 @@ class Launcher:
         self,
         plan: Plan,
         processes: Processes,
-        lease: DomainLease,
+        domain: int,
+        only: str | None,
         open_sink: Callable[[], Sink],
         on_progress: Progress,
         on_start: Callable[[dict[str, int]], None],
@@ -106,15 +109,24 @@ class Launcher:
         self.started_s = 0.0
         self._on_start = on_start
         self._plan = plan
-        self._groups = groups(plan, processes)
-        self._lease = lease
+        names = plan.stations if only is None else plan.part(only)
+        self._groups = groups(plan, processes, names)
+        self._keeps_time = COORDINATOR in names
+        # The others of a run in parts, and foreign nodes, are started by hand.
+        self._patient = only is not None or bool(plan.graph.external)
+        self._domain = domain
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
         self._tick = 0
 
-    def run(self) -> Outcome:
+    def run(self) -> Outcome | None:
         """Run to the end.
+
+        Returns
+        -------
+        Outcome or None
+            None where another part of the run keeps time.
 
         Raises
         ------
@@ -135,7 +147,7 @@ class Launcher:
         return outcome
 
     def _start(self) -> None:
-        os.environ.update(dds_environment(self._lease.domain))
+        os.environ.update(dds_environment(self._domain))
         preload()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -143,7 +155,9 @@ class Launcher:
         gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
         for names in self._groups:
             ours, theirs = fork.Pipe(duplex=False)
-            process = fork.Process(target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid()))
+            process = fork.Process(
+                target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid(), self._patient)
+            )
             process.daemon = True
             process.start()
             theirs.close()
@@ -151,7 +165,7 @@ class Launcher:
         gc.unfreeze()
         self._on_start({name: child.process.pid or 0 for child in self._children for name in child.names})
 
-    def _watch(self) -> Outcome:
+    def _watch(self) -> Outcome | None:
         outcome: Outcome | None = None
         while not all(child.done for child in self._children):
             pending = [child for child in self._children if not child.done]
@@ -160,7 +174,7 @@ class Launcher:
                 if child.pipe in ready or child.process.sentinel in ready:
                     found = self._listen(child)
                     outcome = found or outcome
-        if outcome is None:
+        if outcome is None and self._keeps_time:
             raise RunError("node " + COORDINATOR, "ended without an outcome")
         return outcome
 
@@ -217,14 +231,16 @@ def _ending(exitcode: int | None) -> str:
     return f"ended with exit code {exitcode}"
 
 
-def _play(plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int) -> None:
+def _play(
+    plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int, patient: bool
+) -> None:
     """What a child process does."""
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:
         _tell(pipe, "progress", (tick, dict(fired)))
 
     try:
-        outcome = Host(plan, names, open_sink, on_progress, parent).run()
+        outcome = Host(plan, names, open_sink, on_progress, parent, patient).run()
     except EtacError as error:
         _tell(pipe, "fault", error)
         leave_process(1)

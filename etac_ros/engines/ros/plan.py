@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from etac_ros.errors import ScenarioError
 from etac_ros.modules.graph import Graph, Link
 from etac_ros.timing.windows import WindowPolicy
 
@@ -92,6 +93,27 @@ class Plan:
         if module in self.graph.plants:
             return module in self.remote_plants
         return not self.graph.acts_on_arrival(module)
+
+    def namespace_of(self, station: str) -> str:
+        """The namespace to whose part of the run a node belongs; time and recording go with the first plant."""
+        name = self.graph.plants[0] if station in (COORDINATOR, RECORDER) else station
+        return name.rpartition("/")[0] or "/"
+
+    def part(self, namespace: str) -> tuple[str, ...]:
+        """The nodes of one part of a run that is started in several terminals.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such namespace.
+        """
+        names = tuple(name for name in self.stations if self.namespace_of(name) == "/" + namespace.strip("/"))
+        if not names:
+            known = sorted({self.namespace_of(name) for name in self.stations})
+            raise ScenarioError(
+                f"--only {namespace}", "is no namespace of this scenario", f"one of: {', '.join(known)}"
+            )
+        return names
 
     def sender_of(self, topic: str) -> str:
         """The node that publishes a topic."""

@@ -25,7 +25,6 @@ _LAST_PART = 0.4
 """The part of a run that is taken for its steady state, as in the summary."""
 _SETTLED = 2.0
 """A run has settled when its error stays within so many times the largest of the last part."""
-_LONGEST_TRANSIENT = 0.6
 
 
 @dataclass(frozen=True)
@@ -232,7 +231,7 @@ def transient_end_s(errors: list[Curve]) -> float | None:
     Returns
     -------
     float or None
-        None if there is no transient, or most of the run is one.
+        None if there is no transient, or nothing else.
     """
     if any(_still_falls(curve) for curve in errors):
         return None
@@ -241,8 +240,7 @@ def transient_end_s(errors: list[Curve]) -> float | None:
     if duration <= 0.0 or max(ends) <= 0.0:
         return None
     step = _round_up(duration / 20.0)
-    end = step * float(np.ceil(max(ends) / step))
-    return end if end <= _LONGEST_TRANSIENT * duration else None
+    return step * float(np.ceil(max(ends) / step))
 
 
 def _late(error: Curve) -> tuple[FloatArray, int]:
