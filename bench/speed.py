@@ -92,9 +92,7 @@ def _print_messages(run: Run) -> None:
     table = Table("emulation topic", "messages", "a trigger", "CDR bytes")
     for name, topic in summary.topics.items():
         if topic.kind == "emulation":
-            table.add_row(
-                name, f"{topic.messages:,}", f"{topic.messages / triggers:.2f}", f"{topic.cdr_bytes:,}"
-            )
+            table.add_row(name, f"{topic.messages:,}", f"{topic.messages / triggers:.2f}", f"{topic.cdr_bytes:,}")
     table.add_section()
     total = summary.emulation
     table.add_row("all", f"{total.messages:,}", f"{total.messages / triggers:.2f}", f"{total.cdr_bytes:,}")

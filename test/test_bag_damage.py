@@ -106,6 +106,18 @@ def test_a_damaged_chunk_is_named_with_its_place(tmp_path):
     assert recover(directory).messages == {"/signal": 10}
 
 
+@pytest.mark.parametrize("length", [0, 15, 19, 21, 2**63])
+def test_a_footer_of_another_length_is_noticed(tmp_path, length):
+    mcap, metadata, written = example_bag()
+    footer = len(mcap) - 8 - 20 - 9
+    assert mcap[footer : footer + 9] == b"\x02" + (20).to_bytes(8, "little")
+    directory = lay_down(tmp_path, mcap[: footer + 1] + length.to_bytes(8, "little") + mcap[footer + 9 :], metadata)
+    with pytest.raises(BagError, match=f"byte {footer}: "):
+        read_bag(directory)
+    recover(directory)
+    assert list(read_bag(directory).messages()) == written
+
+
 @pytest.mark.parametrize("opcode", [0x07, 0x0B, 0x86])
 def test_a_chunk_that_no_longer_looks_like_one_leaves_no_gap(tmp_path, opcode):
     mcap, metadata, written = example_bag()

@@ -123,12 +123,12 @@ def test_what_is_no_bag_is_named(tmp_path, open_bag):
         assert caught.value.expected
 
 
-def foreign_bag(directory, compression=CompressionType.NONE):
+def foreign_bag(directory, compression=CompressionType.NONE, keys=()):
     directory.mkdir()
     writer = Writer(str(directory / "bag_0.mcap"), compression=compression)
     writer.start(profile="ros2")
     schema = writer.register_schema("std_msgs/msg/Empty", "ros2msg", b"")
-    channel = writer.register_channel("/empty", "cdr", schema, {})
+    channel = writer.register_channel("/empty", "cdr", schema, dict(keys))
     writer.add_message(channel, 0, bytes(4), 0)
     writer.finish()
     (directory / "metadata.yaml").write_text("rosbag2_bagfile_information: {topics_with_message_count: []}")
@@ -144,9 +144,17 @@ def test_a_bag_of_somebody_else_is_not_called_damaged(tmp_path, open_bag):
 
 
 @pytest.mark.parametrize("open_bag", [read_bag, recover])
+def test_topics_of_ours_without_a_run_are_no_bag_of_ours(tmp_path, open_bag):
+    foreign_bag(tmp_path / "bag", keys={"etac_ros.kind": "network"})
+    with pytest.raises(BagError, match="ticks_per_second") as caught:
+        open_bag(tmp_path / "bag")
+    assert "etac_ros recorded" in caught.value.expected
+
+
+@pytest.mark.parametrize("open_bag", [read_bag, recover])
 def test_a_compressed_bag_is_called_compressed(tmp_path, open_bag):
     foreign_bag(tmp_path / "bag", CompressionType.LZ4)
-    with pytest.raises(BagError, match="compressed"):
+    with pytest.raises(BagError, match="its chunks are compressed"):
         open_bag(tmp_path / "bag")
 
 

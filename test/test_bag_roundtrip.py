@@ -8,10 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
-from etac_ros.bag.topics import recorded_topics
+from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
 from etac_ros.bag.truth import MOST_SAMPLES, pack_truth, unpack_truth
+from etac_ros.bag.write import BagWriter
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.recording import Message, Recording
 from etac_ros.modules.channel import Channel
@@ -145,3 +148,17 @@ def test_the_layout_of_truth_is_undone(first, ticks, states):
     back, unpacked = unpack_truth(data, 1, (n, w))
     assert back == first
     np.testing.assert_array_equal(unpacked, samples)
+
+
+def test_a_recording_has_its_own_order_whatever_the_order_in_the_bag(tmp_path):
+    link = link_topic(toy_graph(10).links["point"])
+    truth = truth_topic("/plant")
+    with BagWriter(tmp_path / "bag", [link, truth], {}, {"ticks_per_second": "10"}) as writer:
+        for tick in (2, 0, 1):
+            value = np.full(3, float(tick))
+            time = log_time_ns(tick, 10)
+            writer.write(truth.name, encode_truth(tick, value[np.newaxis]), time, time, tick + 1)
+            writer.write(link.name, encode(link.type_name, value, time), time, time, tick + 1)
+    recording = read_bag(tmp_path / "bag").recording()
+    assert [message[:2] for message in recording.messages["point"]] == [(1, 0), (2, 1), (3, 2)]
+    assert recording.samples("/plant")[1][:, 0].tolist() == [0.0, 1.0, 2.0]

@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from etac_ros.report import tables, write_report
+from etac_ros.report.figures import data
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT
 from etac_ros.report.page import page
@@ -183,11 +184,24 @@ def test_what_lies_outside_its_band_is_said_to(tmp_path: Path) -> None:
     assert any("overrides sensor.trigger.alpha, duration_s" in note for note in table.notes)
 
 
+def ends_of_lines(view: View) -> list[tuple[float, float]]:
+    """Last point of each curve of the figure of bytes, with its name and total written at it."""
+    figure = Figure()
+    next(kind for kind in FIGURES if kind.name == "bytes").draw(view, figure, LIGHT)
+    (axes,) = figure.axes
+    ends = [(float(line.get_xdata()[-1]), float(line.get_ydata()[-1])) for line in axes.lines]  # type: ignore[index]
+    for (_, total), text in zip(ends, axes.texts, strict=True):
+        assert text.get_text().endswith(f": {total:,.0f} B")
+    return ends
+
+
 def test_without_a_measured_baseline_the_published_one_is_drawn_and_named_so(whole: ReportedRun) -> None:
     view = View(whole)
     assert view.paper_baseline is not None
     assert view.paper_baseline.value == 24_000.0
     volume = next(kind for kind in FIGURES if kind.name == "bytes")
+    measured, dashed = ends_of_lines(view)
+    assert (measured, dashed) == ((1000.0, whole.summary.network.payload_bytes), (1000.0, 24_000.0))
     assert "24,000 bytes published for the baseline" in volume.caption(view)
     assert "not measured" in volume.caption(view)
     table = tables.published_table(view)
@@ -197,7 +211,10 @@ def test_without_a_measured_baseline_the_published_one_is_drawn_and_named_so(who
 
 def test_with_a_measured_baseline_the_published_one_is_not_drawn(whole: ReportedRun, periodic: ReportedRun) -> None:
     volume = next(kind for kind in FIGURES if kind.name == "bytes")
-    assert "published" not in volume.caption(View(whole, periodic))
+    view = View(whole, periodic)
+    assert "published" not in volume.caption(view)
+    assert ends_of_lines(view) == [(1000.0, whole.summary.network.payload_bytes), (1000.0, 24_000.0)]
+    assert len(data.cumulative_bytes(periodic.graph, periodic.recording).times_s) > 1000
 
 
 def test_the_published_baseline_is_not_drawn_over_a_run_of_another_length(folder: Path) -> None:

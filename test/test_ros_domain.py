@@ -62,9 +62,7 @@ def test_two_runs_at_once(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "etac_ros", "run", "wu2018"]
         command += ["--bag", str(tmp_path / f"bag{number}"), "--json", str(tmp_path / f"{number}.json")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=120, check=False
-        )
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
         return Summary.model_validate_json((tmp_path / f"{number}.json").read_text())
 

@@ -98,7 +98,7 @@ def read_counts(directory: Path) -> dict[str, int]:
         raise BagError(str(directory), found, "a bag that was closed", remedy) from None
     except OSError as error:
         raise BagError(str(path), f"cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, ValueError):
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
         raise BagError(str(path), "is damaged", "the metadata of a rosbag2 bag", remedy) from None
 
 

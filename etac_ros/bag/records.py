@@ -83,8 +83,6 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
         if len(head) < _HEAD.size:
             raise damaged(path, offset, "the file was cut off here")
         opcode, length = _HEAD.unpack(head)
-        if opcode == 0:
-            raise damaged(path, offset, "no record begins here")
         if length > size - offset - _HEAD.size:
             raise damaged(path, offset, "the file was cut off within this record")
         record = Record(opcode, offset, file.read(length), in_chunk=False)
@@ -134,7 +132,7 @@ def _compare(record: Record, place: int, crc: int, path: Path) -> None:
 
 def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
     try:
-        _, _, size, crc = _CHUNK.unpack_from(chunk.content)
+        _, _, _, crc = _CHUNK.unpack_from(chunk.content)
         (named,) = _LENGTH32.unpack_from(chunk.content, _CHUNK.size)
         place = _CHUNK.size + _LENGTH32.size
         compression = chunk.content[place : place + named]
@@ -144,9 +142,7 @@ def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
     if compression:
         raise BagError(str(path), "its chunks are compressed", "chunks as etac_ros writes them", "mcap decompress")
     place += named + _LENGTH64.size
-    data = chunk.content[place:]
-    if not length == size == len(data):
-        raise damaged(path, chunk.offset, "the sizes of this chunk contradict each other")
+    data = chunk.content[place : place + length]
     if crc not in (0, zlib.crc32(data)):
         raise damaged(path, chunk.offset, "the checksum of this chunk is wrong")
     start = chunk.offset + _HEAD.size + place

@@ -18,6 +18,7 @@ from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import (
     BYE,
     COORDINATOR,
+    END,
     FAULT,
     HELLO,
     LEDGER,
@@ -81,6 +82,7 @@ class CoordinatorStation(Station):
         self._ledger = self.publisher(String, LEDGER, 1)
         self._start = self.publisher(String, START, 0, latched=True)
         self._stop = self.publisher(String, STOP, 0, latched=True)
+        self._end = self.publisher(String, END, 0, latched=True)
         self._clock = self.publisher(Clock, "/clock", 0)
         for name in plan.graph.reporters:
             self._hear_next(name)
@@ -149,6 +151,12 @@ class CoordinatorStation(Station):
         """Whether all other nodes have said goodbye."""
         others = [name for name in self.plan.stations if name != COORDINATOR]
         return all(name in self.farewells for name in others)
+
+    def leave(self) -> None:
+        """All counts are in: let everybody go."""
+        self.farewells[self.name] = self.farewell()
+        self._end.publish(note({"tick": self.master.tick}))
+        self.finished = True
 
     @property
     def halted(self) -> str:

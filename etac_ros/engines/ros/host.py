@@ -165,7 +165,9 @@ class Host:
             return  # a parent of all sees at once when a process ends
         self._roll_call = now + _ROLL_CALL_S
         for station in self._stations:
-            if station.stop is not None and station.stop["fault"]:
+            if station.said_bye and station.deserted():
+                station.finished = True  # the end was told, and missed
+            elif station.stop is not None and station.stop["fault"]:
                 raise RunError(f"node {station.name}", f"the run was ended: {station.stop['fault']}")
             if station.started and station.stop is None and (gone := station.deserted()):
                 raise RunError(
@@ -193,7 +195,7 @@ class Host:
             pass  # what has already arrived belongs into the bag
         for station in self._stations:
             try:
-                if not self._told_to_end:
+                if not self._told_to_end and station.stop is None:
                     station.say_fault(text)
                 if isinstance(station, CoordinatorStation):
                     station.fault = text

@@ -13,11 +13,7 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import note, read_note
-from etac_ros.engines.ros.plan import BYE, FAULT, HELLO, START, STOP, Plan
-from etac_ros.errors import RunError
-
-DRAIN_SECONDS = 5.0
-"""How long a leaving node waits for acknowledgements before it says that something is wrong."""
+from etac_ros.engines.ros.plan import BYE, END, FAULT, HELLO, START, STOP, Plan
 
 
 class Station:
@@ -39,6 +35,7 @@ class Station:
         self.plan = plan
         self.name = name
         self.started = False
+        self.said_bye = False
         self.finished = False
         self.stop: dict[str, Any] | None = None
         namespace, _, base = name.rpartition("/")
@@ -58,6 +55,7 @@ class Station:
         self._bye = self.publisher(String, BYE, 2)
         self.subscription(String, START, self._on_start, latched=True)
         self.subscription(String, STOP, self._on_stop, latched=True)
+        self.subscription(String, END, self._on_end, latched=True)
 
     def publisher(self, kind: type, topic: str, listeners: int, latched: bool = False) -> Publisher:
         """A counting publisher of this node."""
@@ -116,8 +114,9 @@ class Station:
         self._fault.drain(1.0)
 
     def settle(self) -> None:
-        """Leave if the run has ended and everything has arrived. Called whenever something may have changed."""
-        if self.stop is not None and not self.finished and self.drained():
+        """Say goodbye if the run has ended and everything has arrived. Called whenever something may have changed."""
+        if self.stop is not None and not self.said_bye and self.drained():
+            self.said_bye = True
             self.leave()
 
     def drained(self) -> bool:
@@ -125,18 +124,12 @@ class Station:
         return True
 
     def leave(self) -> None:
-        """Say goodbye with the counts of all topics, and be finished."""
-        for publisher in self._publishers:
-            if publisher.listeners and not publisher.drain(DRAIN_SECONDS):
-                raise RunError(
-                    f"node {self.name}",
-                    f"its messages on {publisher.topic} were not acknowledged for {DRAIN_SECONDS:g} s",
-                    "every receiver takes every message",
-                    "is one of the receivers hanging?",
-                )
+        """Say goodbye with the counts of all topics.
+
+        The node stays until all have said so: then whatever it sent has arrived, and it can go at once. Waiting for
+        acknowledgements instead would take as long as a lease, where the other end has gone without sending one.
+        """
         self._bye.publish(note(self.farewell()))
-        self._bye.drain(DRAIN_SECONDS)
-        self.finished = True
 
     def farewell(self) -> dict[str, Any]:
         """What the last note of this node says."""
@@ -166,3 +159,6 @@ class Station:
         if self.stop is None:
             self.stop = read_note(message)
             self.settle()
+
+    def _on_end(self, message: Any, sequence: int) -> None:
+        self.finished = True
