@@ -50,7 +50,7 @@ def lay_down(folder, mcap, metadata):
     return directory
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=200)
 @given(st.data(), st.integers(1, 255))
 def test_every_changed_byte_of_the_file_is_an_error(data, difference):
     mcap, metadata, _ = example_bag()
@@ -62,7 +62,7 @@ def test_every_changed_byte_of_the_file_is_an_error(data, difference):
         assert str(directory) in caught.value.where
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=200)
 @given(st.data(), st.integers(1, 255))
 def test_recovery_after_a_changed_byte_gives_what_stands_before_and_nothing_else(data, difference):
     mcap, metadata, written = example_bag()

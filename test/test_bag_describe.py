@@ -68,6 +68,14 @@ def test_the_run_is_described(bag):
     assert description.file_bytes == (bag / "bag_0.mcap").stat().st_size
 
 
+def test_duration_begins_with_the_first_message(tmp_path):
+    with BagWriter(tmp_path / "bag", [SIGNAL], {}, {"ticks_per_second": "10"}) as writer:
+        for sequence, tick in enumerate((20, 50), start=1):
+            time = log_time_ns(tick, 10)
+            writer.write("/signal", bytes(16), time, time, sequence)
+    assert describe(tmp_path / "bag").duration_s == 3.0
+
+
 def test_a_bag_without_messages_has_no_duration(tmp_path):
     BagWriter(tmp_path / "bag", [SIGNAL], {}, {"ticks_per_second": "10"}).close()
     assert describe(tmp_path / "bag").duration_s == 0.0

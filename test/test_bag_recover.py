@@ -85,6 +85,7 @@ def test_a_killed_recorder_loses_only_what_was_not_flushed(tmp_path):
     saved = report.messages["/signal"]
     assert 1000 <= saved <= 1010
     assert not report.nothing_to_do
+    assert report.found.startswith("byte ")
     assert "cut off" in report.found
     with AnyReader([directory]) as reader:
         read = [reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()]
@@ -142,7 +143,7 @@ def recovered(data):
         return messages
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 @given(st.data())
 def test_wherever_a_file_ends_its_whole_chunks_are_saved_and_nothing_is_made_up(data):
     whole, written, flushed = example_bag()

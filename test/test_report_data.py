@@ -36,7 +36,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> ReportedRun:
 
 
 def compared(run: ReportedRun) -> data.Margins:
-    found = data.margins(run.scenario.build(), run.recording, SENSOR)
+    found = data.margins(run.graph, run.recording, SENSOR)
     assert found is not None
     return found
 
@@ -75,7 +75,7 @@ def test_margins_cover_every_tick_on_which_the_sensor_could_act(run: ReportedRun
 
 def test_a_rule_that_goes_by_time_has_no_margins(tmp_path: Path) -> None:
     run = reported(tmp_path, variant="periodic")
-    assert data.margins(run.scenario.build(), run.recording, SENSOR) is None
+    assert data.margins(run.graph, run.recording, SENSOR) is None
 
 
 def test_a_module_that_is_no_sensor_has_no_margins(run: ReportedRun) -> None:

@@ -34,8 +34,7 @@ class View:
     @cached_property
     def margins(self) -> dict[str, Margins]:
         """What the trigger rule of each sensor compared, where it compares anything."""
-        # A sensor remembers what it has measured, so it takes a fresh graph to let it measure once more.
-        graph = self.run.scenario.build()
+        graph = self.run.graph
         found = {name: margins(graph, self.run.recording, name) for name in trigger_modules(graph)}
         return {name: compared for name, compared in found.items() if compared is not None}
 

@@ -147,7 +147,7 @@ def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
     Parameters
     ----------
     graph
-        Freshly built: the sensor module measures once more, through the same noise and filter.
+        No engine has run it: its sensor modules measure once more, through the same noise and filter.
     recording
         Of the same scenario.
     sensor
