@@ -210,6 +210,27 @@ def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
     return summary.model_copy(update={"measured": measured, "baseline": baseline})
 
 
+def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:
+    """Totals of the network links, as ``network FROM -> TO``, and of each namespace's internal ones."""
+    totals: dict[str, Totals] = {}
+    for link in graph.links.values():
+        if link.kind is LinkKind.PHYSICAL:
+            continue
+        sender = link.sender.rpartition("/")[0] or "/"
+        name = f"inside {sender}"
+        if link.kind is LinkKind.NETWORK:
+            receivers = sorted({receiver.rpartition("/")[0] or "/" for receiver in link.receivers})
+            name = f"network {sender} -> {', '.join(receivers)}"
+        topic = summary.topics[link.topic]
+        before = totals.get(name, Totals(messages=0, payload_bytes=0, cdr_bytes=0))
+        totals[name] = Totals(
+            messages=before.messages + topic.messages,
+            payload_bytes=before.payload_bytes + topic.payload_bytes,
+            cdr_bytes=before.cdr_bytes + topic.cdr_bytes,
+        )
+    return totals
+
+
 def trigger_ticks(graph: Graph, recording: Recording, module: str) -> list[int]:
     """Triggering instants of a module: the ticks at which it sent something."""
     ticks = {message.tick for link in graph.sends[module] for message in recording.messages[link.name]}

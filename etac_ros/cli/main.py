@@ -82,6 +82,21 @@ def run(
 
 
 @app.command()
+def compare(
+    scenario: ScenarioName,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="A variant; repeatable. Default: the scenario's own.")
+    ] = None,
+    set_: Set = None,
+) -> None:
+    """Run variants in process and show them beside each other and beside the paper."""
+    from etac_ros.cli.compare import compare as compare_variants
+    from etac_ros.cli.show import make_console
+
+    compare_variants(scenario, variant or (), set_ or (), make_console())
+
+
+@app.command()
 def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -> None:
     """Print the complete parameter file of a run, for nodes that are started by hand."""
     from etac_ros.scenario.load import load

@@ -11,7 +11,7 @@ from rich.table import Table
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.scenario.load import Scenario
-from etac_ros.traffic import Summary
+from etac_ros.traffic import PublishedValue, Summary
 
 _NARROWEST = 96
 """Columns below which the tables would be cut."""
@@ -63,26 +63,27 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
 def _figures(scenario: Scenario, summary: Summary) -> Table:
     source = scenario.run.published.source or "paper"
     baseline = summary.baseline
-    table = _table("")
+    table = plain_table("")
     for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
         table.add_column(column, justify="right", no_wrap=True)
     for name in [*summary.measured, *(name for name in summary.published if name not in summary.measured)]:
         measured = summary.measured.get(name)
         figure = summary.published.get(name)
         row = [
-            _label(name, summary),
-            "-" if measured is None else _number(measured),
-            "" if figure is None else _number(figure.value),
-            "" if figure is None or figure.low == figure.high else f"{_number(figure.low)} to {_number(figure.high)}",
+            label(name, summary),
+            "-" if measured is None else number(measured),
+            "" if figure is None else number(figure.value),
+            "" if figure is None else band(figure),
         ]
         if baseline is not None:
             beside = baseline.measured.get(name)
-            row.append("" if beside is None else _number(beside))
+            row.append("" if beside is None else number(beside))
         table.add_row(*row)
     return table
 
 
-def _label(name: str, summary: Summary) -> str:
+def label(name: str, summary: Summary) -> str:
+    """What a measured figure is called in a table."""
     for sensor in summary.triggers:
         suffix = sensor.replace("/", "_")
         if name.endswith(suffix) and name.removesuffix(suffix) in _LABELS:
@@ -106,7 +107,7 @@ def _topics(summary: Summary) -> Table:
 
 
 def _performance(summary: Summary) -> Table:
-    table = _table("plant")
+    table = plain_table("plant")
     for column in ("error [deg]", "maximum*", "rate [deg/s]", "maximum*", "energy [N²m²s]"):
         table.add_column(column, justify="right", no_wrap=True)
     runs = dict(summary.performance)
@@ -158,7 +159,7 @@ def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
 
 
 def _topic_table(*more: str) -> Table:
-    table = _table("topic", "type")
+    table = plain_table("topic", "type")
     for column in ("messages", "payload", "CDR bytes"):
         table.add_column(column, justify="right", no_wrap=True)
     for column in more:
@@ -171,7 +172,7 @@ def _topic_row(name: str, type_name: str, messages: int, payload_bytes: int, cdr
     return name, type_name.replace("/msg/", "/"), f"{messages:,}", payload, f"{cdr_bytes:,}"
 
 
-def _table(*columns: str) -> Table:
+def plain_table(*columns: str) -> Table:
     """A table that keeps its words whole, also where the terminal is narrow."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1))
     for column in columns:
@@ -183,5 +184,11 @@ def _time(value: float | None) -> str:
     return "" if value is None else f"{value:g}"
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """A figure for people: whole numbers whole, others to four digits."""
     return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.4g}"
+
+
+def band(figure: PublishedValue) -> str:
+    """The band of a published figure; empty where it has no width."""
+    return "" if figure.low == figure.high else f"{number(figure.low)} to {number(figure.high)}"

@@ -84,7 +84,7 @@ class Scenario:
     def digest(self) -> str:
         """Digest of everything that bears on the result: processes compare it before they run together."""
         everywhere = self.run.model_dump(
-            mode="json", by_alias=True, exclude={"published", "title", "baseline", "windows", "variant"}
+            mode="json", by_alias=True, exclude={"published", "title", "baseline", "compare", "windows", "variant"}
         )
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
@@ -161,6 +161,8 @@ def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mappi
     everywhere.pop("variants", None)
     if variant is not None:
         everywhere["variant"] = variant
+    if isinstance(everywhere.get("published"), dict):  # null in a variant takes a figure away
+        everywhere["published"] = {key: value for key, value in everywhere["published"].items() if value is not None}
     run = validated(RunSection, everywhere, f"{path}: {EVERYWHERE}")
     try:
         whole_ticks(run.duration_s, run.ticks_per_second)

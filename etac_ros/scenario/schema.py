@@ -88,6 +88,7 @@ class RunSection(Parameters):
     windows: WindowSection = WindowSection()
     links: dict[str, LinkSection]
     baseline: str | None = None
+    compare: tuple[str, ...] = Field(default=(), description="variants that `etac compare` shows beside each other")
     variant: str | None = Field(default=None, description="written by `etac resolve`: which variant this is")
     published: Published = Published()
 
