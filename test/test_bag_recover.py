@@ -161,6 +161,7 @@ def test_wherever_a_file_ends_its_whole_chunks_are_saved_and_nothing_is_made_up(
 @settings(deadline=None, max_examples=30)
 @given(st.binary(min_size=1, max_size=300))
 @example(bytes(4096))
+@example(b"\x07" + bytes(8))
 @example(b"\x06" + (2**63).to_bytes(8, "little"))
 def test_rubbish_behind_the_last_flush_is_left_out(rubbish):
     whole, written, flushed = example_bag()

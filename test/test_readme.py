@@ -27,7 +27,7 @@ COMMANDS = [
 ]
 # Not again from inside the tests: the tests themselves, and what measures for a minute.
 ELSEWHERE = ("./scripts/test", "./scripts/bench")
-NEEDS_OTHERS = ("node ", "external=true", "ros2 run")
+NEEDS_OTHERS = ("node ", "external=true", "ros2 run", "--only")
 
 
 @pytest.fixture(scope="module")

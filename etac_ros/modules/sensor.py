@@ -127,6 +127,10 @@ class Sensor(Module):
         """What the trigger rule is shown of each sample, through noise and low-pass filter."""
         return self._signals(window)[0]
 
+    def held_by(self, value: FloatArray, tick: int) -> FloatArray:
+        """What the trigger rule compares with after a message: its value."""
+        return value
+
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
         """What the trigger watches and what would be sent, for each sample of a window that is not committed."""
         if self._seen is not None and self._seen[0] is window:

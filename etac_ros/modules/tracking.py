@@ -13,7 +13,6 @@ from pydantic import Field
 
 from etac_ros.laws.law import ModalLaw, RelativeSignal, TickArray, TimedLaw, WatchedLaw
 from etac_ros.modules.contract import Bag, Context, Module, Outputs
-from etac_ros.modules.wire import Wire
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
 
@@ -122,7 +121,6 @@ class RelativeSensor(Module):
         self.outputs = {"signal": law.command_size if parameters.sends is Sends.TORQUE else measurement.size}
         self._sends = parameters.sends
         self._wire = self.wire("signal")
-        self._torque_wire = Wire(self._wire.format, law.command_size)
         self._decision = _Decision(trigger)
 
     def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
@@ -133,14 +131,18 @@ class RelativeSensor(Module):
         watched = self.law.watched(measured, _now(tick))
         if not self._decision.fires(watched, tick):
             return {}
-        if self._sends is Sends.TORQUE:
-            sent = held = self._torque_wire.rounded(watched[0, : self._torque_wire.size])
-        else:
-            # What the controller will hold: the law on the measurement as it stands on the wire.
-            sent = self._wire.rounded(measured[0])
-            held = self.law.torque(_row(sent), _now(tick))[0]
-        self._decision.hold(held, tick)
+        chosen = watched[0, : self._wire.size] if self._sends is Sends.TORQUE else measured[0]
+        sent = self._wire.rounded(chosen)
+        self._decision.hold(self.held_by(sent, tick), tick)
         return {"signal": sent}
+
+    def watched(self, states: FloatArray, torques: FloatArray, ticks: TickArray) -> FloatArray:
+        """What the trigger rule is shown of samples with the leader's torques of the same ticks."""
+        return self.law.watched(self.measurement.evaluate(np.ascontiguousarray(states), torques, ticks), ticks)
+
+    def held_by(self, value: FloatArray, tick: int) -> FloatArray:
+        """The torque that the follower holds after a message: its value, or the law on what came off the wire."""
+        return value if self._sends is Sends.TORQUE else self.law.torque(_row(value), _now(tick))[0]
 
 
 class TriggeredController(Module):

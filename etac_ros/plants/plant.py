@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -86,3 +87,30 @@ def watches_of(plant: Plant, states: FloatArray) -> tuple[Watch, ...]:
     """What a plant watches; nothing where it does not say."""
     watches = getattr(plant, "watches", None)
     return () if watches is None else tuple(watches(states))
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body of a plant, as reports show it.
+
+    Attributes
+    ----------
+    name
+        What it is; empty where the plant is one body.
+    euler_angles
+        Of states, as 3-2-1 Euler angles [rad], shape (n, 3).
+    rates
+        Of states, angular velocity error [rad/s], shape (n, 3).
+    """
+
+    name: str
+    euler_angles: Callable[[FloatArray], FloatArray]
+    rates: Callable[[FloatArray], FloatArray]
+
+
+def bodies_of(plant: Plant) -> tuple[Body, ...]:
+    """The bodies of a plant: what its method ``bodies`` says, else the one whose error it controls."""
+    bodies = getattr(plant, "bodies", None)
+    if bodies is not None:
+        return tuple(bodies())
+    return (Body("", plant.euler_angles, lambda states: states[:, plant.rate_slice]),)

@@ -94,7 +94,7 @@ from etac_ros.parameters import (
     square,
     vector,
 )
-from etac_ros.plants.plant import Watch
+from etac_ros.plants.plant import Body, Watch
 
 PM_ATTITUDE = slice(0, 4)
 PM_RATE = slice(4, 7)
@@ -488,6 +488,13 @@ class PmSm:
         seen[:, PM_ATTITUDE] = _turned(states[:, PM_ATTITUDE], errors[:, 6:9])
         seen[:, PM_RATE] += errors[:, 9:12]
         return seen
+
+    def bodies(self) -> tuple[Body, ...]:
+        """The SM relative to the PM, and the PM relative to its orbital frame."""
+        return (
+            Body("SM to PM", self.euler_angles, lambda states: states[:, RELATIVE_RATE]),
+            Body("PM to orbit", lambda states: to_euler_321(states[:, PM_ATTITUDE]), lambda states: states[:, PM_RATE]),
+        )
 
     def watches(self, states: FloatArray) -> tuple[Watch, ...]:
         """The angle between the modules: leaving the air clearance is a collision."""

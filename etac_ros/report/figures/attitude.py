@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
     run, other = view.run, view.other
-    for panel in panels.panel_grid(figure, run.graph.plants, view):
+    for panel in panels.panel_grid(figure, tuple(data.bodies(run.graph)), view):
         beside = None if other is None else data.attitude(other.graph, other.recording, panel.row)
         curve = data.attitude(run.graph, run.recording, panel.row)
         panels.draw_axes_of(panel, curve, "attitude error", "deg", theme, beside)
@@ -37,6 +37,6 @@ FIGURE = FigureKind(
     name="attitude",
     title="Attitude error",
     draw=_draw,
-    height_in=lambda view: panels.height_in(len(view.run.graph.plants)),
+    height_in=lambda view: panels.height_in(len(data.bodies(view.run.graph))),
     caption=_caption,
 )

@@ -17,8 +17,9 @@ from etac_ros.modules.contract import Window
 from etac_ros.modules.graph import Graph, LinkKind
 from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
+from etac_ros.modules.tracking import RelativeSensor
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Plant
+from etac_ros.plants.plant import Body, Plant, bodies_of
 from etac_ros.traffic import trigger_ticks
 
 _LAST_PART = 0.4
@@ -91,9 +92,19 @@ def last_tick(graph: Graph, recording: Recording) -> int:
     return int(min(ends))
 
 
-def attitude(graph: Graph, recording: Recording, plant: str) -> Curve:
-    """Attitude error as 3-2-1 Euler angles [deg]."""
-    return _of_states(graph, recording, plant, lambda body, states: np.degrees(body.euler_angles(states)))
+def bodies(graph: Graph) -> dict[str, tuple[str, Body]]:
+    """Every body of every plant, by the name of its row: the plant's, and its own where there are several."""
+    rows = {}
+    for plant in graph.plants:
+        for body in bodies_of(dynamics(graph, plant)):
+            rows[f"{plant}, {body.name}" if body.name else plant] = (plant, body)
+    return rows
+
+
+def attitude(graph: Graph, recording: Recording, row: str) -> Curve:
+    """Attitude error of a body as 3-2-1 Euler angles [deg]."""
+    plant, body = bodies(graph)[row]
+    return _of_states(graph, recording, plant, lambda _, states: np.degrees(body.euler_angles(states)))
 
 
 def attitude_angle(graph: Graph, recording: Recording, plant: str) -> Curve:
@@ -103,9 +114,10 @@ def attitude_angle(graph: Graph, recording: Recording, plant: str) -> Curve:
     )
 
 
-def rate(graph: Graph, recording: Recording, plant: str) -> Curve:
-    """Angular velocity error [deg/s]."""
-    return _of_states(graph, recording, plant, lambda body, states: np.degrees(states[:, body.rate_slice]))
+def rate(graph: Graph, recording: Recording, row: str) -> Curve:
+    """Angular velocity error of a body [deg/s]."""
+    plant, body = bodies(graph)[row]
+    return _of_states(graph, recording, plant, lambda _, states: np.degrees(body.rates(states)))
 
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
@@ -160,18 +172,25 @@ def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
     """
     module = graph.modules[sensor]
     links = graph.sends[sensor]
-    if not isinstance(module, Sensor) or not links:
+    if not isinstance(module, Sensor | RelativeSensor) or not links:
         return None
     plant = graph.reads[sensor]
     first, states = recording.samples(plant)
-    signals = module.watched(Window(plant, 1, first, states))
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
     end = min(first + states.shape[0], graph.end_tick)
+    if isinstance(module, Sensor):
+        signals = module.watched(Window(plant, 1, first, states))
+    else:
+        torques = [message for link in graph.hears[sensor] for message in recording.messages[link.name]]
+        ticks = np.array([message.tick for message in torques if message.tick < end])
+        if not np.array_equal(ticks, np.arange(first, end)):
+            return None  # it is not asked at every tick
+        signals = module.watched(states[: end - first], np.array([m.value for m in torques[: ticks.size]]), ticks)
     sent = [message for message in recording.messages[links[0].name] if message.tick < end]
     parts = []
     for message, until in zip(sent, [*(m.tick for m in sent[1:]), end - 1], strict=True):
         part = signals[message.tick + 1 - first : until + 1 - first]
-        pair = module.trigger.margin(part, message.value)
+        pair = module.trigger.margin(part, module.held_by(message.value, message.tick))
         if pair is None:
             return None
         parts.append(pair)

@@ -8,6 +8,7 @@ import numpy as np
 
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.sensor import Sensor
+from etac_ros.modules.tracking import RelativeSensor
 from etac_ros.report.figures import panels
 from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
@@ -46,6 +47,8 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
 
 def _label(view: View, sensor: str) -> str:
     module = view.run.graph.modules[sensor]
+    if isinstance(module, RelativeSensor):
+        return "|τ(tᵢ) − τ| [N m]"
     assert isinstance(module, Sensor)
     symbol = module.signal.label
     # A list of several quantities is no symbol to take a difference of.

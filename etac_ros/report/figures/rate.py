@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
     run, other = view.run, view.other
-    for panel in panels.panel_grid(figure, run.graph.plants, view):
+    for panel in panels.panel_grid(figure, tuple(data.bodies(run.graph)), view):
         beside = None if other is None else data.rate(other.graph, other.recording, panel.row)
         curve = data.rate(run.graph, run.recording, panel.row)
         panels.draw_axes_of(panel, curve, "rate error", "deg/s", theme, beside)
@@ -37,6 +37,6 @@ FIGURE = FigureKind(
     name="rate",
     title="Angular velocity error",
     draw=_draw,
-    height_in=lambda view: panels.height_in(len(view.run.graph.plants)),
+    height_in=lambda view: panels.height_in(len(data.bodies(view.run.graph))),
     caption=_caption,
 )
