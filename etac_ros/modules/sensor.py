@@ -85,12 +85,13 @@ class Sensor(Module):
         self._key = stream_key(context.seed, context.name)
         sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
         # Attitude and rate of each body that the plant measures.
-        self._sigmas = np.tile(sigmas, context.plant.noise_width // len(sigmas))
-        if self._noise.enters is not NoiseEnters.NOWHERE and context.plant.noise_width != self._sigmas.size:
+        bodies, rest = divmod(context.plant.noise_width, len(sigmas))
+        if self._noise.enters is not NoiseEnters.NOWHERE and (bodies == 0 or rest):
             raise ValueError(
-                f"noise is described for {self._sigmas.size} deviates a sample (attitude and rate); "
+                f"noise is described for {len(sigmas)} deviates a sample (attitude and rate) of each body; "
                 f"the plant's sensors draw {context.plant.noise_width}"
             )
+        self._sigmas = np.tile(sigmas, bodies)
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
         self._memory: tuple[int, FloatArray, FloatArray] | None = None
