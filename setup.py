@@ -42,7 +42,7 @@ setup(
     ],
     install_requires=[
         "matplotlib",
-        "mcap",
+        "mcap>=1.5",
         "numba",
         "numpy",
         "pydantic>=2",

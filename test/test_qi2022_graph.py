@@ -7,12 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_engines_equal import assert_same
 
+from etac_ros.cli.compare import compare
+from etac_ros.cli.show import make_console
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.report.figures import data
+from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy
@@ -116,3 +121,25 @@ def test_a_part_needs_a_run_to_join(tmp_path: Path) -> None:
     )
     assert done.returncode == 2
     assert "--join ID" in done.stderr
+
+
+def test_compare_shows_the_cases_beside_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    compare("qi2022", ["case1", "case3", "site-sm"], ["duration_s=20"], make_console())
+    shown = capsys.readouterr().out
+    assert "187 to 225" in shown
+    assert "network /pm -> /sm" in shown
+    (row,) = [line for line in shown.splitlines() if line.startswith("site-sm") and "/" in line and "400" in line]
+    assert "400 / 24,000" in row
+
+
+def test_report_has_both_bodies_and_the_margin_of_the_relative_sensor(tmp_path: Path) -> None:
+    """Figures 4, 5 and 9 to 11: recomputed from the bag, the rule fires just where a message was sent."""
+    run_in_process(load("qi2022", None, ["duration_s=20"]), tmp_path / "bag")
+    run = read_run(tmp_path / "bag")
+    assert list(data.bodies(run.graph)) == ["/sim/plant, SM to PM", "/sim/plant, PM to orbit"]
+    pm = data.attitude(run.graph, run.recording, "/sim/plant, PM to orbit")
+    assert np.abs(pm.values[0]).max() == pytest.approx(1.5, abs=0.05)
+    found = data.margins(run.graph, run.recording, "/pm/relative_sensor")
+    assert found is not None
+    assert np.array_equal(found.errors >= found.thresholds, found.fired)
+    assert found.fired.sum() == run.summary.triggers["/pm/relative_sensor"].count - 1

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from etac_ros.modules.graph import Graph, Link, LinkKind
+from etac_ros.modules.graph import EMULATION, Graph, Link, LinkKind
 
 TopicKind = Literal["network", "internal", "physical", "emulation"]
 """The kinds of link, and ``emulation`` for what only the simulation needs."""
@@ -51,7 +51,7 @@ def link_topic(link: Link) -> TopicDescription:
 
 def truth_topic(plant: str) -> TopicDescription:
     """Describe the topic of a plant's committed samples, given the plant's full name."""
-    return TopicDescription(f"/emulation/{plant.lstrip('/')}/truth", TRUTH_TYPE, "emulation", plant=plant)
+    return TopicDescription(f"{EMULATION}/{plant.lstrip('/')}/truth", TRUTH_TYPE, "emulation", plant=plant)
 
 
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:

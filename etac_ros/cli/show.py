@@ -40,8 +40,11 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
     variant = f", variant {summary.variant}" if summary.variant else ""
     console.print(f"\n{scenario.run.title or scenario.name}{variant}", style="bold")
     console.print(_figures(scenario, summary))
+    console.print()
     console.print(_topics(summary))
+    console.print()
     console.print(_performance(summary))
+    console.print()
     for plant, watched in summary.watches.items():
         for watch in watched:
             limits = [f"{value:g} {word}" for value, word in ((watch.notice, "range"), (watch.bound, "limit")) if value]

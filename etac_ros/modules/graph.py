@@ -12,6 +12,9 @@ from etac_ros.modules.contract import Module
 from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.wire import Wire, WireFormat
 
+EMULATION = "/emulation"
+"""Prefix of all topics that exist only because hardware is simulated here."""
+
 
 class LinkKind(StrEnum):
     """What a link is in hardware, and so where its messages are counted."""

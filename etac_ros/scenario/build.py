@@ -11,7 +11,7 @@ from etac_ros.modules.actuator import Actuator
 from etac_ros.modules.channel import Channel
 from etac_ros.modules.contract import Context, Module
 from etac_ros.modules.controller import Controller
-from etac_ros.modules.graph import Graph, Link, LinkKind
+from etac_ros.modules.graph import EMULATION, Graph, Link, LinkKind
 from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
 from etac_ros.modules.wire import Wire, WireFormat
@@ -27,9 +27,6 @@ from etac_ros.scenario.classes import (
 from etac_ros.scenario.document import EVERYWHERE, choice, nearest, shown
 from etac_ros.scenario.faults import field_names, unknown_key
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
-
-EMULATION = "/emulation"
-"""Prefix of all topics that exist only because hardware is simulated here."""
 
 _SHORT_NAMES: dict[str, type[Module]] = {
     "plant": PlantModule,

@@ -6,40 +6,39 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from etac_ros.errors import ScenarioError
-from etac_ros.modules.graph import Graph, Link
+from etac_ros.modules.graph import EMULATION, Graph, Link
 from etac_ros.timing.windows import WindowPolicy
 
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
 
-_PLANE = "/emulation"
-HELLO = f"{_PLANE}/hello"
-START = f"{_PLANE}/start"
-STOP = f"{_PLANE}/stop"
-END = f"{_PLANE}/end"
-BYE = f"{_PLANE}/bye"
-FAULT = f"{_PLANE}/fault"
-LEDGER = f"{_PLANE}/ledger"
+HELLO = f"{EMULATION}/hello"
+START = f"{EMULATION}/start"
+STOP = f"{EMULATION}/stop"
+END = f"{EMULATION}/end"
+BYE = f"{EMULATION}/bye"
+FAULT = f"{EMULATION}/fault"
+LEDGER = f"{EMULATION}/ledger"
 
 
 def window_topic(plant: str) -> str:
     """Samples ahead, from a plant to its readers."""
-    return f"{_PLANE}{plant}/window"
+    return f"{EMULATION}{plant}/window"
 
 
 def truth_topic(plant: str) -> str:
     """Committed samples, from a plant to the recorder."""
-    return f"{_PLANE}{plant}/truth"
+    return f"{EMULATION}{plant}/truth"
 
 
 def next_topic(module: str) -> str:
     """Reports of a module to the coordinator."""
-    return f"{_PLANE}{module}/next"
+    return f"{EMULATION}{module}/next"
 
 
 def go_topic(module: str) -> str:
     """Orders of the coordinator to a module."""
-    return f"{_PLANE}{module}/go"
+    return f"{EMULATION}{module}/go"
 
 
 @dataclass(frozen=True)
