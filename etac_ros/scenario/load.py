@@ -77,7 +77,7 @@ class Scenario:
     @property
     def text(self) -> str:
         """The complete parameter file of this run."""
-        everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True)
+        everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare"})
         return write_sections({EVERYWHERE: everywhere, **self.nodes})
 
     @property

@@ -27,6 +27,7 @@ _WAIT_S = 0.05
 """Longest wait for a message before signals and the parent process are looked at."""
 
 _ROLL_CALL_S = 1.0
+_LOOK_S = 0.1
 
 
 def _nothing(tick: int, fired: Any) -> None:
@@ -81,6 +82,7 @@ class Host:
         self._patient = patient
         self._told_to_end = False
         self._roll_call = 0.0
+        self._next_look = 0.0
         self._stations: list[Station] = []
         self._coordinator: CoordinatorStation | None = None
         self._spinner: Spinner
@@ -180,6 +182,10 @@ class Host:
     def _look_around(self) -> None:
         if self._told_to_end:
             raise RunError(f"node {', '.join(self._names)}", "was told to end before the run was over")
+        now = time.monotonic()
+        if now < self._next_look:
+            return
+        self._next_look = now + _LOOK_S
         if self._parent is not None and os.getppid() != self._parent:
             raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
         for station in self._stations:

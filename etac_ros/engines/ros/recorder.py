@@ -61,7 +61,7 @@ class RecorderStation(Station):
 
     def on_start(self) -> None:
         """Create the bag."""
-        self._sink = self._open_sink()
+        self._bag()
 
     def drained(self) -> bool:
         """Whether every message that others say they sent is in the bag."""
@@ -110,6 +110,12 @@ class RecorderStation(Station):
         self._sink.close()
         self._sink = None
 
+    def _bag(self) -> Sink:
+        # A first message may overtake the note that the run has begun: they are on different topics.
+        if self._sink is None:
+            self._sink = self._open_sink()
+        return self._sink
+
     def _hear(self, link: Link) -> None:
         def on_message(data: bytes, sequence: int) -> None:
             self._waiting[link.name, sequence] = data
@@ -156,9 +162,8 @@ class RecorderStation(Station):
         self.settle()
 
     def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:
-        assert self._sink is not None
         log_time = nanoseconds(tick, self.plan.graph.ticks_per_second)
-        self._sink.write(topic, data, log_time, log_time + step, sequence)
+        self._bag().write(topic, data, log_time, log_time + step, sequence)
         count = self._written.setdefault(topic, Count())
         count.messages += 1
         count.cdr_bytes += len(data)
