@@ -13,7 +13,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.scenario.load import Scenario
 from etac_ros.traffic import PublishedValue, Summary
 
-_NARROWEST = 96
+_NARROWEST = 124
 """Columns below which the tables would be cut."""
 
 _LABELS = {
