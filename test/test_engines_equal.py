@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.recording import Recording
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
+from etac_ros.timing.windows import WindowPolicy
 
 CASES = {
     "as published": (None, []),
@@ -59,9 +61,8 @@ def test_same_bits(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("first", "longest"), [(1, 1), (7, 7), (64, 4096)])
 def test_windows_change_nothing(first: int, longest: int) -> None:
-    usual = run_in_process(load("wu2018"))
-    other = run_in_process(load("wu2018", overrides=[f"windows={{first: {first}, longest: {longest}}}"]))
-    assert_same(usual.recording, other.recording)
+    usual = run_in_process(load("wu2018")).recording
+    assert_same(usual, InProcess(load("wu2018").build(), WindowPolicy(first, longest)).run())
 
 
 @pytest.mark.parametrize("processes", ["namespace", "one"])
