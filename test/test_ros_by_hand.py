@@ -53,7 +53,13 @@ def start(tmp_path: Path, lease: DomainLease) -> Iterator[Start]:
     """Starts a process in the domain; all are ended by the test."""
     processes: list[subprocess.Popen[str]] = []
     path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(lease.domain), "PYTHONPATH": path}
+    # A foreign node has the rmw layer's own transports; shared memory would outlive its end by kill().
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(lease.domain),
+        "PYTHONPATH": path,
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    }
 
     def begin(*arguments: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
