@@ -28,7 +28,7 @@ def test_fires_at_the_threshold_itself() -> None:
     """By hand: ``|tau_held - tau| = 5``; ``epsilon |omega + delta q| = 2 |(1, 0, 0) + 2 (0.75, 0, 0)| = 5``."""
     rows = np.array([_row([3.0, 4.0, 0.0], [1.0, 0.0, 0.0], [0.75, 0.0, 0.0])])
     rule = _rule(delta=2.0, epsilon=2.0)
-    error, threshold = rule.margin(rows, np.zeros(3))
+    error, threshold = rule.margin(rows, 0, np.zeros(3))
     assert error[0] == 5.0
     assert threshold[0] == 5.0
     assert rule.first(rows, 0, np.zeros(3)) == 0
@@ -51,7 +51,7 @@ def test_nothing_at_all_fires() -> None:
 @given(rows=signals, held=vectors)
 @patient
 def test_first_is_the_first_row_over_the_margin(rows: FloatArray, held: FloatArray) -> None:
-    errors, thresholds = _rule().margin(rows, held)
+    errors, thresholds = _rule().margin(rows, 0, held)
     over = np.flatnonzero(errors >= thresholds)
     assert _rule().first(rows, 7, held) == (over[0] if over.size else -1)
 

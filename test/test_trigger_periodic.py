@@ -45,7 +45,7 @@ def test_signal_does_not_matter() -> None:
 
 
 def test_has_no_margin() -> None:
-    assert rule(1.0).margin(np.zeros((10, 3)), HELD) is None
+    assert rule(1.0).margin(np.zeros((10, 3)), 0, HELD) is None
 
 
 def test_period_is_a_whole_number_of_ticks() -> None:

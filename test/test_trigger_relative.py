@@ -71,7 +71,7 @@ def test_windows_of_any_cut_find_the_same_sample(
 @given(near_signals, helds, inside, gammas)
 def test_margin_tells_what_the_rule_compares(signals: FloatArray, held: FloatArray, alpha: float, gamma: float) -> None:
     trigger = rule(alpha, gamma)
-    margin = trigger.margin(signals, held)
+    margin = trigger.margin(signals, 0, held)
     assert margin is not None
     error, threshold = margin
     assert error == pytest.approx(np.linalg.norm(held - signals, axis=1), rel=1e-15, abs=1e-300)

@@ -37,23 +37,16 @@ import math
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator
 
+from etac_ros.laws.law import TickArray
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.quaternion import dcm
 from etac_ros.maths.ticks import seconds
+from etac_ros.maths.vector import cross, multiply, turn
 from etac_ros.parameters import FloatArray, Parameters, Vector3, square, vector
-from etac_ros.plants.pm_sm import (
-    PrintedInertia,
-    SinusoidalTorque,
-    cross,
-    multiply,
-    sinusoid,
-    turn,
-)
-
-TickArray = npt.NDArray[np.int64]
+from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
+from etac_ros.plants.pm_sm import PrintedInertia
 
 FEEDBACK_SIZE = 6
 MEASUREMENT_SIZE = 15

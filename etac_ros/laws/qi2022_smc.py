@@ -18,8 +18,8 @@ from etac_ros.laws.qi2022 import (
 )
 from etac_ros.maths.compiled import kernel
 from etac_ros.maths.ticks import seconds
+from etac_ros.maths.vector import multiply, multiply_transposed
 from etac_ros.parameters import FloatArray, Matrix3, PositiveVector3, square, vector
-from etac_ros.plants.pm_sm import multiply, multiply_transposed
 
 MODES_SIZE = 6
 

@@ -6,6 +6,8 @@ Quaternion
     ``q_BN = [q0, q1, q2, q3]``, scalar first, unit norm: the attitude of the body frame B relative to the
     reference frame N. It is the vector part that the papers call ``q_v``; kinematics as in wu2018 eqs. (2)-(3),
     ``q_v_dot = (q_v^x + q0 I) w / 2``, ``q0_dot = -q_v . w / 2``.
+MRP
+    ``p = e tan(angle / 4)`` of the same rotation, ``p_dot = G(p) w``; see :mod:`etac_ros.maths.mrp`.
 Frames
     ``dcm_BN`` takes components in N to components in B. ``omega_BN_B`` is the angular velocity of B relative
     to N, written in B. Torques are written in B.

@@ -84,6 +84,7 @@ from etac_ros.maths.quaternion import (
     to_euler_321,
 )
 from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.vector import cross, multiply, multiply_transposed, turn
 from etac_ros.parameters import (
     FloatArray,
     Matrix3,
@@ -94,6 +95,7 @@ from etac_ros.parameters import (
     square,
     vector,
 )
+from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
 from etac_ros.plants.plant import Body, Watch
 
 PM_ATTITUDE = slice(0, 4)
@@ -118,43 +120,6 @@ _DISTURBANCE_PM = 60  # 12: tau_dp in P, see SinusoidalTorque.packed
 _DISTURBANCE_SM = 72  # 12: tau_ds in S
 _GYROSCOPIC_PANELS = 84  # 1.0 if the panels' momentum stands in the gyroscopic term, else 0.0
 _FEED_FORWARD = 85  # 1.0 with continuous feed-forward, else 0.0
-
-
-@inlined
-def cross(a, b, out):  # type: ignore[no-untyped-def]
-    """``a x b`` into ``out``, which must be neither of them."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@inlined
-def multiply(matrix, v, out):  # type: ignore[no-untyped-def]
-    """Row-major 3x3 ``matrix`` (9 numbers) times ``v`` into ``out``, which must not be ``v``."""
-    for i in range(3):
-        out[i] = matrix[3 * i] * v[0] + matrix[3 * i + 1] * v[1] + matrix[3 * i + 2] * v[2]
-
-
-@inlined
-def multiply_transposed(matrix, v, out):  # type: ignore[no-untyped-def]
-    """Transposed row-major 3x3 ``matrix`` (9 numbers) times ``v`` into ``out``, which must not be ``v``."""
-    for i in range(3):
-        out[i] = matrix[i] * v[0] + matrix[3 + i] * v[1] + matrix[6 + i] * v[2]
-
-
-@inlined
-def turn(C, v, out):  # type: ignore[no-untyped-def]
-    """Direction cosine matrix ``C``, shape (3, 3), times ``v`` into ``out``, which must not be ``v``."""
-    for i in range(3):
-        out[i] = C[i, 0] * v[0] + C[i, 1] * v[1] + C[i, 2] * v[2]
-
-
-@inlined
-def sinusoid(p, t, out):  # type: ignore[no-untyped-def]
-    """Torque [N m] of a packed :class:`SinusoidalTorque` at ``t`` [s] into ``out``."""
-    for i in range(3):
-        angle = p[6 + i] + p[9 + i] * t
-        out[i] = p[i] * math.sin(angle) + p[3 + i] * math.cos(angle)
 
 
 @kernel
@@ -251,19 +216,6 @@ def _project(state):  # type: ignore[no-untyped-def]
 
 
 _propagate = propagator(_derivative, _project)
-
-
-class SinusoidalTorque(Parameters):
-    """Torque on axis i: ``sine_i sin(phase_i + frequency_i t) + cosine_i cos(phase_i + frequency_i t)``."""
-
-    sine_nm: Vector3 = (0.0, 0.0, 0.0)
-    cosine_nm: Vector3 = (0.0, 0.0, 0.0)
-    phase_rad: Vector3 = (0.0, 0.0, 0.0)
-    frequency_rad_s: Vector3 = (0.0, 0.0, 0.0)
-
-    def packed(self) -> FloatArray:
-        """The 12 numbers that :func:`sinusoid` takes: sine, cosine, phase, frequency."""
-        return vector([*self.sine_nm, *self.cosine_nm, *self.phase_rad, *self.frequency_rad_s])
 
 
 def _positive_definite(values: tuple[float, ...]) -> tuple[float, ...]:

@@ -40,6 +40,6 @@ class Periodic:
         ahead = -tick % self._period
         return ahead if ahead < signals.shape[0] else -1
 
-    def margin(self, signals: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """None: time alone decides."""
         return None

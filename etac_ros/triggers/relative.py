@@ -66,7 +66,7 @@ class RelativeThreshold:
         """Index of the first sample that fires, or -1."""
         return int(_first(signals, held, self._alpha, self._gamma))
 
-    def margin(self, signals: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """``|s(t_i) - s|`` and ``alpha |s| + gamma`` of each sample."""
         errors, thresholds = _margin(signals, held, self._alpha, self._gamma)
         return errors, thresholds

@@ -28,6 +28,6 @@ class TriggerRule(Protocol):
         """
         ...
 
-    def margin(self, signals: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Error norm and threshold of each sample, both of shape (n,); None where the rule has neither."""
+    def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Error and threshold of each sample from ``tick`` on, both of shape (n,); None where the rule has neither."""
         ...

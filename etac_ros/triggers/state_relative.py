@@ -118,7 +118,7 @@ class StateRelativeThreshold:
             return index
         return due if index < 0 else min(index, due)
 
-    def margin(self, signals: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``|tau(t_k) - tau|`` and ``epsilon |omega + delta q|`` of each sample, both of shape (n,)."""
         self._check(signals, held)
         errors, thresholds = _margin(signals, held, self._delta, self._epsilon)

@@ -190,7 +190,7 @@ def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
     parts = []
     for message, until in zip(sent, [*(m.tick for m in sent[1:]), end - 1], strict=True):
         part = signals[message.tick + 1 - first : until + 1 - first]
-        pair = module.trigger.margin(part, module.held_by(message.value, message.tick))
+        pair = module.trigger.margin(part, message.tick + 1, module.held_by(message.value, message.tick))
         if pair is None:
             return None
         parts.append(pair)
