@@ -8,12 +8,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from etac_ros.laws.law import TickArray
 from etac_ros.laws.qi2022 import (
     INERTIA_SM,
     MEASUREMENT_SIZE,
     SM_MODEL_SIZE,
     SmModelParameters,
-    TickArray,
     feed_forward,
 )
 from etac_ros.maths.compiled import kernel
