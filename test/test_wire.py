@@ -58,6 +58,7 @@ def test_payload_is_four_bytes_a_component(wire: Wire) -> None:
     ("wire", "type_name", "cdr_bytes"),
     [
         (Wire(COMPACT, 3), "geometry_msgs/msg/Point32", 16),
+        (Wire(EXACT, 3), "geometry_msgs/msg/Vector3", 28),
         (Wire(STAMPED, 3), "geometry_msgs/msg/Vector3Stamped", 44),
         (Wire(STAMPED, 6), "geometry_msgs/msg/WrenchStamped", 68),
         # A Float32MultiArray of three is 28 bytes: 12 of numbers and 16 of everything else.

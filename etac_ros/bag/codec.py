@@ -21,6 +21,7 @@ from etac_ros.parameters import FloatArray
 
 _SCALARS: dict[str, Callable[[Any], tuple[float, ...]]] = {
     "geometry_msgs/msg/Point32": attrgetter("x", "y", "z"),
+    "geometry_msgs/msg/Vector3": attrgetter("x", "y", "z"),
     "geometry_msgs/msg/Vector3Stamped": attrgetter("vector.x", "vector.y", "vector.z"),
     "geometry_msgs/msg/QuaternionStamped": attrgetter(
         "quaternion.x", "quaternion.y", "quaternion.z", "quaternion.w"
@@ -30,6 +31,7 @@ _SCALARS: dict[str, Callable[[Any], tuple[float, ...]]] = {
         "wrench.torque.x", "wrench.torque.y", "wrench.torque.z",
     ),
 }  # fmt: skip
+_BARE = ("geometry_msgs/msg/Point32", "geometry_msgs/msg/Vector3")
 _ARRAYS = {"std_msgs/msg/Float32MultiArray": np.float32, "std_msgs/msg/Float64MultiArray": np.float64}
 
 
@@ -61,7 +63,7 @@ def encode(type_name: str, value: FloatArray, log_time_ns: int) -> bytes:
     if type_name in _ARRAYS:
         layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
         message = types[type_name](layout=layout, data=value.astype(_ARRAYS[type_name]))
-    elif type_name == "geometry_msgs/msg/Point32":
+    elif type_name in _BARE:
         message = types[type_name](*value.tolist())
     elif type_name in _SCALARS:
         stamp = types["builtin_interfaces/msg/Time"](*divmod(log_time_ns, NANOSECONDS))

@@ -96,6 +96,9 @@ class Module:
 
     inputs: dict[str, int]
     outputs: dict[str, int]
+    every: int | None = None
+    """Set by a module that acts by itself at exactly the ticks that are multiples of this, sends one message on each
+    connected output then, and takes nothing. Nobody needs to ask it, nor to hear from it."""
     halt: str = ""
     """Set by a watch, while it acts, to end the run at this tick: what was found, in words."""
 

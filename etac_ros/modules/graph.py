@@ -102,13 +102,14 @@ class Graph:
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It answers, it has one undelayed input, so a message is a whole bag; and where it needs to know the time, to
-        compute or to stamp its answers, the message has it.
+        It never acts by itself, it has one undelayed input, so a message is a whole bag; and where it needs to know
+        the time, to compute, to stamp its answers or to find its sample, the message has it.
         """
         incoming = self.hears[module]
-        if not self.modules[module].answers or len(incoming) != 1:
+        node = self.modules[module]
+        if not (node.answers or node.passive) or len(incoming) != 1:
             return False
         link = incoming[0]
         stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
-        needs_time = stamps or self.modules[module].timed
+        needs_time = stamps or node.timed or node.passive
         return link.channel.delay_ticks == 0 and (not needs_time or link.wire.format is WireFormat.STAMPED)

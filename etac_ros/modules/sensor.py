@@ -13,6 +13,7 @@ from etac_ros.maths.compiled import kernel
 from etac_ros.maths.noise import normals, stream_key
 from etac_ros.modules.contract import Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.periodic import Periodic
 from etac_ros.triggers.rule import TriggerRule
 
 
@@ -77,6 +78,8 @@ class Sensor(Module):
         self.outputs = {"signal": signal.size}
         self.signal = signal
         self.trigger = trigger
+        rule: object = trigger
+        self.every = rule.period if isinstance(rule, Periodic) else None
         self.held: FloatArray | None = None
         self.held_tick: int | None = None
         self._plant = context.plant

@@ -26,7 +26,7 @@ class WireFormat(StrEnum):
     STAMPED = "stamped"
     """float64 with a header: Vector3Stamped, QuaternionStamped, WrenchStamped."""
     EXACT = "exact"
-    """float64 without a header (Float64MultiArray): for the emulation plane only."""
+    """float64 without a header: Vector3 for a 3-vector, Float64MultiArray otherwise; for the emulation plane only."""
 
 
 _STAMPED_TYPES = {
@@ -62,7 +62,7 @@ class Wire:
     def type_name(self) -> str:
         """ROS type, for instance ``geometry_msgs/msg/Point32``."""
         if self.format is WireFormat.EXACT:
-            return "std_msgs/msg/Float64MultiArray"
+            return "geometry_msgs/msg/Vector3" if self.size == 3 else "std_msgs/msg/Float64MultiArray"
         if self.format is WireFormat.STAMPED:
             return _STAMPED_TYPES[self.size]
         return "geometry_msgs/msg/Point32" if self.size == 3 else "std_msgs/msg/Float32MultiArray"
@@ -79,8 +79,8 @@ class Wire:
             stamp_and_empty_frame_id = 4 + 4 + 4 + 1
             aligned = -(-stamp_and_empty_frame_id // 8) * 8
             return _CDR_HEADER + aligned + 8 * self.size
-        if self.format is WireFormat.COMPACT and self.size == 3:
-            return _CDR_HEADER + 12
+        if self.size == 3:
+            return _CDR_HEADER + self.size * (4 if self.format is WireFormat.COMPACT else 8)
         layout_and_length = 4 + 4 + 4  # empty dimensions, data offset, sequence length
         if self.format is WireFormat.COMPACT:
             return _CDR_HEADER + layout_and_length + 4 * self.size

@@ -101,7 +101,7 @@ class TimeMaster:
         due.sort(key=self._place.__getitem__)
         asked = [name for name in due if name not in self._granted]
         if asked:
-            reports = yield [Fire(name, tick) for name in asked]
+            reports = yield [Fire(name, tick, self._epoch(name)) for name in asked]
             self._granted.update(zip(asked, reports, strict=True))
         touched = set(due)
         bags: dict[str, list[MessageId]] = self._calendar.pop(tick, {})

@@ -39,6 +39,8 @@ class Fire:
 
     module: str
     tick: int
+    epoch: int = 0
+    """The window that the module has to see first; 0 if it reads no plant."""
 
 
 @dataclass(frozen=True, slots=True)

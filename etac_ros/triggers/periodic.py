@@ -33,11 +33,12 @@ class Periodic:
     Parameters = PeriodicParameters
 
     def __init__(self, parameters: PeriodicParameters, ticks_per_second: int) -> None:
-        self._period = whole_ticks(parameters.period_s, ticks_per_second)
+        self.period = whole_ticks(parameters.period_s, ticks_per_second)
+        """Ticks between two instants."""
 
     def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first multiple of the period, or -1."""
-        ahead = -tick % self._period
+        ahead = -tick % self.period
         return ahead if ahead < signals.shape[0] else -1
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -32,7 +33,7 @@ from etac_ros.engines.ros.station import Station
 from etac_ros.errors import RunError
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.master import TimeMaster
-from etac_ros.timing.orders import Close, Deliver, Look, Open, Order, Report
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, Open, Order, Report
 
 _TELL_EVERY_S = 0.1  # wall time between ledgers, clock ticks and progress: none of it bears on a result
 QUIET_S = 20.0
@@ -78,16 +79,21 @@ class CoordinatorStation(Station):
         self._reports: list[Report | None] = []
         self._awaited: dict[str, int] = {}
         self._ahead: dict[str, int | None] = {}
+        self._early: dict[str, deque[Report]] = defaultdict(deque)
+        self._dispatching = False
         self._go: dict[str, Publisher] = {name: self.publisher(String, go_topic(name), 1) for name in plan.ordered}
         self._ledger = self.publisher(String, LEDGER, 1)
         self._start = self.publisher(String, START, 0, latched=True)
         self._stop = self.publisher(String, STOP, 0, latched=True)
         self._end = self.publisher(String, END, 0, latched=True)
         self._clock = self.publisher(Clock, "/clock", 0)
-        for name in plan.graph.reporters:
-            self._hear_next(name)
-        for name in plan.graph.plants:
+        for name in plan.modules:
+            if plan.reports(name):
+                self._hear_next(name)
+        for name in plan.remote_plants:
             self._hear_halt(name)
+        for name, plant in plants.items():
+            self._be_told_by(name, plant)
         self.subscription(String, HELLO, self._on_hello, latched=True)
         self.subscription(String, FAULT, self._on_fault, latched=True)
         self.subscription(String, BYE, self._on_bye, shared=True)
@@ -174,24 +180,41 @@ class CoordinatorStation(Station):
             report, ahead = read_report(read_note(message))
             self._heard = time.monotonic()
             self._ahead[module] = ahead
-            place = self._awaited.pop(module, None)
-            if place is None:
+            if module in self._awaited:
+                self._answered(module, report)
+            elif self.plan.acts_on_arrival(module):
+                self._early[module].append(report)  # it did not wait for the order, which is still to come
+            else:
                 raise RunError(f"node {module}", "has reported without being asked", "one report an order")
-            self._reports[place] = report
-            if not self._awaited:
-                self._proceed()
 
         self.subscription(String, next_topic(module), on_next)
+
+    def _be_told_by(self, name: str, plant: PlantStation) -> None:
+        def on_obeyed(report: Report) -> None:
+            if report.halt and any(isinstance(order, Open) for order in self._orders):
+                self._halted(name, report)
+            else:
+                self._answered(name, report)
+
+        plant.on_obeyed = on_obeyed
+
+    def _answered(self, module: str, report: Report) -> None:
+        self._reports[self._awaited.pop(module)] = report
+        self._proceed_if_complete()
+
+    def _halted(self, plant: str, report: Report) -> None:
+        """Go on without the others: there is no window that anybody could look at."""
+        self._reports = [
+            report if isinstance(order, Open) and order.module == plant else known or Report()
+            for order, known in zip(self._orders, self._reports, strict=True)
+        ]
+        self._awaited.clear()
+        self._proceed_if_complete()
 
     def _hear_halt(self, plant: str) -> None:
         def on_halt(message: Any, sequence: int) -> None:
             report, _ = read_report(read_note(message))
-            self._reports = [
-                report if isinstance(order, Open) and order.module == plant else known or Report()
-                for order, known in zip(self._orders, self._reports, strict=True)
-            ]
-            self._awaited.clear()  # there is no window that anybody could look at
-            self._proceed()
+            self._halted(plant, report)
 
         self.subscription(String, next_topic(plant), on_halt)
 
@@ -244,8 +267,10 @@ class CoordinatorStation(Station):
                     self._awaited[order.module] = place
                 else:
                     self._reports[place] = report
+            self._dispatching = True  # a plant in this process may answer at once
             for order in orders:
                 self._hand_over(order, opened)
+            self._dispatching = False
             if self._awaited:
                 return
             following = self._step()
@@ -253,7 +278,9 @@ class CoordinatorStation(Station):
                 return
             orders = following
 
-    def _proceed(self) -> None:
+    def _proceed_if_complete(self) -> None:
+        if self._dispatching or self._awaited:
+            return
         orders = self._step()
         if orders is not None:
             self._dispatch(orders)
@@ -272,16 +299,34 @@ class CoordinatorStation(Station):
         """The report on an order where it is known beforehand; None where it has to be waited for."""
         graph = self.plan.graph
         match order:
-            case Open() | Close():
-                return Report()
+            case Open(module) | Close(module):
+                return None if module in self._plants else Report()
             case Deliver(module) if module in graph.plants:
                 return Report()
             case Deliver(module) if graph.modules[module].answers:
-                return Report(sent=tuple(link.name for link in graph.sends[module]))
+                return self._sends_all(module)
+            case Deliver(module) if self._early[module]:
+                return self._early[module].popleft()
+            case Look(module, after, grant) if not self.plan.reports(module):
+                return self._regular(module, after, grant)
+            case Fire(module) if not self.plan.reports(module):
+                return self._sends_all(module)
             case Look(module) if graph.reads.get(module) not in opened and module in self._ahead:
                 return Report(proposal=self._ahead[module])
             case _:
                 return None
+
+    def _sends_all(self, module: str) -> Report:
+        return Report(sent=tuple(link.name for link in self.plan.graph.sends[module]))
+
+    def _regular(self, module: str, after: int, grant: int) -> Report:
+        """What a module that acts at regular ticks answers to a look."""
+        every = self.plan.graph.modules[module].every
+        assert every is not None
+        proposal = (after // every + 1) * every
+        if proposal > grant:
+            return Report(proposal=proposal)
+        return Report(self._sends_all(module).sent, proposal, fired=True)
 
     def _hand_over(self, order: Order, opened: set[str]) -> None:
         graph = self.plan.graph

@@ -7,6 +7,7 @@ so this file is the one place that waits, and no other knows how.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -153,10 +154,20 @@ class Subscription:
 
 
 class Spinner:
-    """Waits for messages of several subscriptions and hands them out, in one thread."""
+    """Waits for messages of several subscriptions and hands them out, in one thread.
 
-    def __init__(self, context: Any) -> None:
+    Parameters
+    ----------
+    context
+        The initialised rclpy context.
+    gather_s
+        Wall time to let more messages come in before they are handed out, for who only listens: it wakes up less
+        often, and leaves the processor to those that others wait for.
+    """
+
+    def __init__(self, context: Any, gather_s: float = 0.0) -> None:
         self._context = context
+        self._gather_s = gather_s
         self._subscriptions: list[Subscription] = []
         self._wait_set: Any = None
 
@@ -173,6 +184,8 @@ class Spinner:
         wait_set.clear_entities()
         for subscription in self._subscriptions:
             wait_set.add_subscription(subscription.handle)
+        if self._gather_s:
+            time.sleep(self._gather_s)
         wait_set.wait(int(timeout_s * 1e9))
         ready = wait_set.get_ready_entities("subscription")
         if not ready:

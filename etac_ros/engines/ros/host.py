@@ -27,6 +27,8 @@ _WAIT_S = 0.05
 """Longest wait for a message before signals and the parent process are looked at."""
 
 _ROLL_CALL_S = 1.0
+_GATHER_S = 0.005
+"""How long the recorder lets messages gather; nobody waits for it before the end."""
 _LOOK_S = 0.1
 
 
@@ -114,7 +116,8 @@ class Host:
         return self._outcome()
 
     def _create(self, context: Context) -> None:
-        self._spinner = Spinner(context)
+        only_listens = list(self._names) == [RECORDER]
+        self._spinner = Spinner(context, _GATHER_S if only_listens else 0.0)
         plants: dict[str, PlantStation] = {}
         names = list(self._names)
         together = self._plan.timekeeper_with

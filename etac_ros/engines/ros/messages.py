@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point32, QuaternionStamped, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import Point32, QuaternionStamped, Vector3, Vector3Stamped, WrenchStamped
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.type_support import check_for_type_support
 from rosgraph_msgs.msg import Clock
@@ -27,6 +27,7 @@ _WINDOW_HEAD = 3  # epoch, start, grant
 
 _TYPES: dict[str, type] = {
     "geometry_msgs/msg/Point32": Point32,
+    "geometry_msgs/msg/Vector3": Vector3,
     "geometry_msgs/msg/Vector3Stamped": Vector3Stamped,
     "geometry_msgs/msg/QuaternionStamped": QuaternionStamped,
     "geometry_msgs/msg/WrenchStamped": WrenchStamped,
@@ -60,8 +61,8 @@ def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> Any:
     """
     kind = _TYPES[wire.type_name]
     numbers = value.tolist()
-    if kind is Point32:
-        return Point32(x=numbers[0], y=numbers[1], z=numbers[2])
+    if kind is Point32 or kind is Vector3:
+        return kind(x=numbers[0], y=numbers[1], z=numbers[2])
     if kind is Float32MultiArray:
         return Float32MultiArray(data=array.array("f", numbers))
     if kind is Float64MultiArray:
@@ -75,7 +76,7 @@ def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> Any:
 
 def decode(message: Any) -> FloatArray:
     """The value in a message, as contiguous float64."""
-    if isinstance(message, Point32):
+    if isinstance(message, Point32 | Vector3):
         return np.array([message.x, message.y, message.z], dtype=np.float64)
     if isinstance(message, (Float32MultiArray, Float64MultiArray)):
         return np.array(message.data, dtype=np.float64)

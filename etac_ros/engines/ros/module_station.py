@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,10 @@ class ModuleStation(Station):
         self._inbox: dict[MessageId, FloatArray] = {}
         self._orders: deque[Order] = deque()
         self._incoming: dict[str, Subscription] = {}
+        self._sees = graph.reads.get(name)
         self._go: Subscription | None = None
-        self._acts_on_arrival = graph.acts_on_arrival(name)
+        self._acts_on_arrival = plan.acts_on_arrival(name)
+        self._arrived: deque[tuple[MessageId, int | None]] = deque()
         self._ticks_per_second = graph.ticks_per_second
         self._outgoing: dict[str, Publisher] = {
             link.name: self.publisher(message_type(link.wire), link.topic, plan.listeners(link))
@@ -68,7 +71,8 @@ class ModuleStation(Station):
             self._go = self.subscription(String, go_topic(name), self._on_go)
         self._next: Publisher | None = None
         if name in graph.reporters:
-            self._next = self.publisher(String, next_topic(name), 1)
+            if plan.reports(name):
+                self._next = self.publisher(String, next_topic(name), 1)
             if name in graph.reads:
                 self.subscription(Float64MultiArray, window_topic(graph.reads[name]), self._on_window)
 
@@ -85,6 +89,8 @@ class ModuleStation(Station):
         orders_due = self.stop["orders"].get(self.name, 0)
         return (
             not self._orders
+            and not self._arrived
+            and all(publisher.count.messages == self.stop["sent"][link] for link, publisher in self._outgoing.items())
             and all(
                 subscription.count.messages == self.stop["sent"][link] for link, subscription in self._incoming.items()
             )
@@ -102,12 +108,9 @@ class ModuleStation(Station):
         if not link.channel.loses(self.name, sequence):
             self._inbox[identity] = decode(message)
             if self._acts_on_arrival:
-                # It answers within the same tick, so a stamp passes through unchanged.
                 stamp = stamp_ns(message)
-                tick = None if stamp is None else tick_of(stamp, self._ticks_per_second)
-                self._send(self._cell.receive(tick, self._bag((identity,))), stamp or 0)
-            else:
-                self._work()
+                self._arrived.append((identity, None if stamp is None else tick_of(stamp, self._ticks_per_second)))
+            self._work()
         self.settle()
 
     def _on_go(self, message: Any, sequence: int) -> None:
@@ -115,31 +118,48 @@ class ModuleStation(Station):
         self.settle()
 
     def _on_window(self, message: Any, sequence: int) -> None:
-        window, grant = decode_window(message, self.plan.graph.reads[self.name])
+        assert self._sees is not None
+        window, grant = decode_window(message, self._sees)
         self._cell.see(window)
-        if self._cell.module.passive:
-            self._work()
-        else:
+        if not self._cell.module.passive:
             self._look(window.start - 1, grant)
+        self._work()
+        self.settle()
 
     def _work(self) -> None:
+        while self._arrived and self._has_sample(self._arrived[0][1]):
+            identity, tick = self._arrived.popleft()
+            sent = self._cell.receive(tick, self._bag((identity,)))
+            self._acted(tick or 0, self._send(sent, self._nanoseconds(tick or 0)))
         while self._orders:
             order = self._orders[0]
-            if isinstance(order, Deliver) and not self._can_take(order):
+            if not self._can_take(order):
                 return
             self._orders.popleft()
             self._obey(order)
 
-    def _can_take(self, order: Deliver) -> bool:
+    def _has_sample(self, tick: int | None) -> bool:
+        """Whether the window with the sample of a tick is here, if the module sees windows at all."""
+        if self._sees is None:
+            return True
+        window = self._cell.window
+        assert tick is not None
+        return window is not None and tick <= window.last
+
+    def _can_take(self, order: Order) -> bool:
+        """Whether all that an order names is here: messages, and the window that was opened before it."""
+        if not isinstance(order, Fire | Deliver):
+            return True
         window = self._cell.window
         seen = 0 if window is None else window.epoch
-        return seen >= order.epoch and all(message in self._inbox for message in order.bag)
+        needed = order.bag if isinstance(order, Deliver) else ()
+        return seen >= order.epoch and all(message in self._inbox for message in needed)
 
     def _obey(self, order: Order) -> None:
         match order:
             case Look(_, after, grant):
                 self._look(after, grant)
-            case Fire(_, tick):
+            case Fire(_, tick, _):
                 self._acted(tick, self._send(self._cell.fire(tick), self._nanoseconds(tick)))
             case Deliver(_, tick, _, bag, _):
                 sent = self._cell.receive(tick, self._bag(bag))
@@ -162,8 +182,8 @@ class ModuleStation(Station):
             self._report(Report(sent, halt=self._cell.module.halt), tick, ahead)
 
     def _report(self, report: Report, tick: int, ahead: int | None) -> None:
-        assert self._next is not None
-        self._next.publish(note(report_note(report, tick, ahead)))
+        if self._next is not None:  # else the coordinator knows it beforehand
+            self._next.publish(note(report_note(report, tick, ahead)))
 
     def _bag(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
         links = self.plan.graph.links
@@ -184,8 +204,11 @@ class ModuleStation(Station):
 class PlantStation(ModuleStation):
     """A plant on the emulation plane: opens windows, and publishes what is committed.
 
-    Where the coordinator lives in the same process, its orders come as calls of :meth:`enqueue`.
+    Where the coordinator lives in the same process, its orders come as calls of :meth:`enqueue`, and it sets
+    ``on_obeyed`` to be told of what a report says here.
     """
+
+    on_obeyed: Callable[[Report], None] | None = None
 
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
         super().__init__(plan, name, spinner, context)
@@ -199,7 +222,7 @@ class PlantStation(ModuleStation):
         self._published = time.monotonic()
         readers = len(plan.graph.readers[name]) + int(plan.record_windows)
         self._windows = self.publisher(Float64MultiArray, window_topic(name), readers)
-        self._halts = self.publisher(String, next_topic(name), 1)
+        self._halts = self.publisher(String, next_topic(name), 1) if name in plan.remote_plants else None
         self._truth = self.publisher(Float64MultiArray, truth_topic(name), 1)
 
     def drained(self) -> bool:
@@ -225,19 +248,25 @@ class PlantStation(ModuleStation):
         match order:
             case Open(_, tick, length, grant):
                 self._commit(tick)
-                if self._plant.halt:
-                    self._halts.publish(note(report_note(Report(halt=self._plant.halt), tick, None)))
-                else:
+                if not self._plant.halt:
                     self._windows.publish(encode_window(self._plant.open(length), grant))
+                elif self._halts is not None:
+                    self._halts.publish(note(report_note(Report(halt=self._plant.halt), tick, None)))
+                self._obeyed()
             case Close(_, tick):
                 self._commit(tick)
                 self.publish_truth()
                 self._closed = True
+                self._obeyed()
                 self.settle()
             case Deliver(_, tick, _, bag, _):
                 self._plant.receive(tick, self._bag(bag), None)
             case _:
                 raise TypeError(f"{self.name} is a plant, and cannot obey {order}")
+
+    def _obeyed(self) -> None:
+        if self.on_obeyed is not None:
+            self.on_obeyed(Report(halt=self._plant.halt))
 
     def _commit(self, tick: int) -> None:
         start, samples = self._plant.commit(tick)

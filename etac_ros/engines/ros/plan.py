@@ -92,7 +92,25 @@ class Plan:
         """Whether a module waits for orders; the others act on arrival, or live with the coordinator."""
         if module in self.graph.plants:
             return module in self.remote_plants
-        return not self.graph.acts_on_arrival(module)
+        return not self.acts_on_arrival(module)
+
+    def acts_on_arrival(self, module: str) -> bool:
+        """Whether a module needs no order for what arrives.
+
+        Who sees a plant has to take the sample of the newest window. Where windows have one sample, a tick is in one
+        window only, so there is nothing to mistake.
+        """
+        sees_one = module not in self.graph.reads or self.windows.longest == 1
+        return sees_one and self.graph.acts_on_arrival(module)
+
+    def reports(self, module: str) -> bool:
+        """Whether the coordinator hears what a module does; what the others do it knows beforehand.
+
+        It knows it of modules that only answer, and of those that act at regular ticks. With several plants the
+        latter report nevertheless: else nothing would tell a coordinator in a process of its own how far the run is.
+        """
+        regular = self.graph.modules[module].every is not None and self.timekeeper_with is not None
+        return module in self.graph.reporters and not regular
 
     def namespace_of(self, station: str) -> str:
         """The namespace to whose part of the run a node belongs; time and recording go with the first plant."""
