@@ -19,6 +19,8 @@ from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.recording import Recording
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
+from etac_ros.figures import check as check_figures
+from etac_ros.modules.graph import Graph
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.timing.windows import WindowPolicy
 from etac_ros.traffic import Summary, Timing, summarise
@@ -53,6 +55,19 @@ def windows_of(scenario: Scenario) -> WindowPolicy:
         return WindowPolicy(section.first, section.longest)
     except ValueError as error:
         raise ScenarioError(f"{scenario.path}: windows", str(error)) from None
+
+
+def checked_graph(scenario: Scenario) -> Graph:
+    """The graph of a scenario, if it could give every figure that is to stand beside a published one.
+
+    Raises
+    ------
+    ScenarioError
+        If it could not, or cannot be built.
+    """
+    graph = scenario.build()
+    check_figures(scenario.published, graph, str(scenario.path))
+    return graph
 
 
 def warm_up(scenario: Scenario) -> None:
@@ -118,8 +133,8 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     if bag is not None:
         check_writable(bag)
+    graph = checked_graph(scenario)
     warm_up(scenario)
-    graph = scenario.build()
     engine = InProcess(graph, windows)
     started = time.perf_counter()
     recording = engine.run()
@@ -226,8 +241,8 @@ def run_over_ros(
     began = time.perf_counter()
     windows = windows_of(scenario)
     check_writable(bag)
+    graph = checked_graph(scenario)
     warm_up(scenario)
-    graph = scenario.build()
     plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows)
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

@@ -13,15 +13,16 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 from etac_ros.engines.recording import Recording
+from etac_ros.figures import energy, measure, trigger_ticks, watches_of_module
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.graph import Graph, LinkKind
 from etac_ros.modules.plant import PlantModule
-from etac_ros.plants.plant import watches_of
+from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.load import Scenario
 
 Kind = Literal["network", "internal", "emulation"]
 _LAST_PART = 0.4
-"""Steady figures are taken over this last part of a run."""
+"""Steady figures are taken over this last part of a run, unless the scenario says from when on."""
 
 
 class _Model(BaseModel):
@@ -35,6 +36,7 @@ class Triggers(_Model):
     min_interval_s: float | None = Field(description="shortest inter-event time; null below two triggers")
     mean_interval_s: float | None
     max_interval_s: float | None
+    steady_mean_interval_s: float | None = Field(description="mean inter-event time of the steady part")
     times_s: list[float]
 
 
@@ -60,8 +62,8 @@ class Performance(_Model):
 
     attitude_error_deg: float = Field(description="at the end")
     rate_deg_s: float = Field(description="at the end")
-    max_attitude_error_deg: float = Field(description="over the last 40 % of the run")
-    max_rate_deg_s: float = Field(description="over the last 40 % of the run")
+    max_attitude_error_deg: float = Field(description="over the steady part of the run")
+    max_rate_deg_s: float = Field(description="over the steady part of the run")
     energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
 
 
@@ -73,6 +75,8 @@ class Watched(_Model):
     largest: float = Field(description="largest magnitude over the run")
     axis: str
     at_s: float
+    steady: float = Field(description="largest magnitude over the steady part of the run")
+    final: float = Field(description="largest magnitude at the end")
     notice: float | None = Field(description="a bound that is only reported")
     bound: float | None = Field(description="leaving it ends the run")
 
@@ -91,6 +95,9 @@ class PublishedValue(_Model):
     value: float
     low: float
     high: float
+    label: str = Field(description="what it is called, where its name does not say it")
+    where: str = Field(description="where the paper prints it")
+    reason: str = Field(description="why it is not reproduced, where it is not")
 
 
 class Summary(_Model):
@@ -102,6 +109,7 @@ class Summary(_Model):
     overrides: dict[str, JsonValue]
     seed: int
     duration_s: float = Field(description="simulated")
+    steady_from_s: float = Field(description="simulated time from which steady figures are taken")
     halted: str = Field(description="why a watch ended the run early; empty otherwise")
     triggers: dict[str, Triggers] = Field(description="by the sensor's full name")
     topics: dict[str, Topic]
@@ -110,12 +118,14 @@ class Summary(_Model):
     emulation: Totals
     final_state: dict[str, list[float]] = Field(description="by plant; the digits restore the very bits")
     performance: dict[str, Performance] = Field(description="by plant")
-    watches: dict[str, list[Watched]] = Field(description="by plant: what has to stay within bounds")
+    watches: dict[str, list[Watched]] = Field(description="by node: what is watched, with bounds where it has to stay")
+    samples: dict[str, int] = Field(description="committed samples that a module took inside itself, without a message")
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
     bag: str | None
     published: dict[str, PublishedValue]
-    measured: dict[str, float] = Field(description="the figures that stand beside the published ones")
+    own: dict[str, float] = Field(description="figures that only this scenario defines")
+    measured: dict[str, float] = Field(description="all figures that may stand beside published ones")
     baseline: Summary | None = Field(default=None, description="the same of the baseline, where it was run")
 
 
@@ -160,6 +170,8 @@ def summarise(
                 kind="emulation", type=kind, messages=messages, payload_bytes=0, cdr_bytes=size,
                 first_s=None, last_s=None,
             )  # fmt: skip
+    steady_from_s = _steady_from_s(scenario)
+    steady = round(steady_from_s * graph.ticks_per_second)
     summary = Summary(
         scenario=scenario.name,
         variant=scenario.variant,
@@ -167,19 +179,25 @@ def summarise(
         overrides=dict(scenario.overrides),
         seed=scenario.run.seed,
         duration_s=scenario.run.duration_s,
+        steady_from_s=steady_from_s,
         halted=halted,
-        triggers=_triggers(graph, recording),
+        triggers=_triggers(graph, recording, steady),
         topics=topics,
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),
         final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
-        performance={name: _performance(graph, recording, name) for name in graph.plants},
-        watches={name: _watches(graph, recording, name) for name in graph.plants},
+        performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
+        watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
+        samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         bag=bag,
-        published={name: PublishedValue(**figure.model_dump()) for name, figure in scenario.published.items()},
+        published={
+            name: PublishedValue(**figure.model_dump(exclude={"measure"}))
+            for name, figure in scenario.published.items()
+        },
+        own=_own_figures(scenario, graph, recording),
         measured={},
     )
     return with_measured(summary, None)
@@ -195,8 +213,11 @@ def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
     for name, triggers in summary.triggers.items():
         suffix = "" if len(summary.triggers) == 1 else name.replace("/", "_")
         measured[f"triggers{suffix}"] = float(triggers.count)
-        if triggers.max_interval_s is not None:
-            measured[f"max_interval_s{suffix}"] = triggers.max_interval_s
+        for figure in ("min_interval_s", "mean_interval_s", "steady_mean_interval_s", "max_interval_s"):
+            value = getattr(triggers, figure)
+            if value is not None:
+                measured[f"{figure}{suffix}"] = value
+    measured.update(summary.own)
     measured["network_messages"] = float(summary.network.messages)
     measured["network_payload_bytes"] = float(summary.network.payload_bytes)
     if baseline is not None:
@@ -231,24 +252,40 @@ def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:
     return totals
 
 
-def trigger_ticks(graph: Graph, recording: Recording, module: str) -> list[int]:
-    """Triggering instants of a module: the ticks at which it sent something."""
-    ticks = {message.tick for link in graph.sends[module] for message in recording.messages[link.name]}
-    return sorted(ticks)
+def _steady_from_s(scenario: Scenario) -> float:
+    said = scenario.run.steady_from_s
+    return (1.0 - _LAST_PART) * scenario.run.duration_s if said is None else said
 
 
-def _triggers(graph: Graph, recording: Recording) -> dict[str, Triggers]:
+def _own_figures(scenario: Scenario, graph: Graph, recording: Recording) -> dict[str, float]:
+    found = {}
+    for name, figure in scenario.published.items():
+        value = None if figure.measure is None else measure(figure.measure, graph, recording)
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _samples(graph: Graph, recording: Recording, module: str) -> int:
+    """Samples that a module sensed until its last chance to act, which nobody has at the end tick."""
+    first, states = recording.samples(graph.reads[module])
+    return min(first + int(states.shape[0]), graph.end_tick) - first
+
+
+def _triggers(graph: Graph, recording: Recording, steady: int) -> dict[str, Triggers]:
     found = {}
     for name in graph.reporters:
         if not graph.modules[name].triggers:
             continue
-        ticks = np.array(trigger_ticks(graph, recording, name), dtype=np.int64)
+        ticks = trigger_ticks(graph, recording, name)
         gaps = seconds(np.diff(ticks), graph.ticks_per_second)
+        late = seconds(np.diff(ticks[ticks >= steady]), graph.ticks_per_second)
         found[name] = Triggers(
             count=ticks.size,
             min_interval_s=float(gaps.min()) if gaps.size else None,
             mean_interval_s=float(gaps.mean()) if gaps.size else None,
             max_interval_s=float(gaps.max()) if gaps.size else None,
+            steady_mean_interval_s=float(late.mean()) if late.size else None,
             times_s=seconds(ticks, graph.ticks_per_second).tolist(),
         )
     return found
@@ -282,30 +319,30 @@ def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:
     )
 
 
-def _performance(graph: Graph, recording: Recording, name: str) -> Performance:
+def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> Performance:
     module = graph.modules[name]
     assert isinstance(module, PlantModule)
-    _, states = recording.samples(name)
-    angles = np.degrees(module.plant.attitude_angle(states))
-    rates = np.degrees(np.linalg.norm(states[:, module.plant.rate_slice], axis=1))
-    late = int(np.floor((1.0 - _LAST_PART) * states.shape[0]))
+    first, states = recording.samples(name)
+    errors = errors_of(module.plant, states, first)
+    angles = np.degrees(module.plant.attitude_angle(errors))
+    rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
+    late = min(max(steady - first, 0), states.shape[0] - 1)  # a run that was halted may have no steady part
     return Performance(
         attitude_error_deg=float(angles[-1]),
         rate_deg_s=float(rates[-1]),
         max_attitude_error_deg=float(angles[late:].max()),
         max_rate_deg_s=float(rates[late:].max()),
-        energy_n2m2s=_energy(graph, recording, name, states.shape[0] - 1),
+        energy_n2m2s=energy(graph, recording, name, first, first + states.shape[0] - 1),
     )
 
 
-def _watches(graph: Graph, recording: Recording, name: str) -> list[Watched]:
-    module = graph.modules[name]
-    assert isinstance(module, PlantModule)
-    first, states = recording.samples(name)
+def _watches(graph: Graph, recording: Recording, name: str, steady: int) -> list[Watched]:
+    first, watches = watches_of_module(graph, recording, name)
     found = []
-    for watch in watches_of(module.plant, states):
+    for watch in watches:
         magnitudes = np.abs(watch.values)
         row, column = np.unravel_index(int(np.argmax(magnitudes)), magnitudes.shape)
+        late = min(max(steady - first, 0), magnitudes.shape[0] - 1)
         found.append(
             Watched(
                 name=watch.name,
@@ -313,24 +350,10 @@ def _watches(graph: Graph, recording: Recording, name: str) -> list[Watched]:
                 largest=float(magnitudes[row, column]),
                 axis=watch.axes[column],
                 at_s=float(seconds(first + int(row), graph.ticks_per_second)),
+                steady=float(magnitudes[late:].max()),
+                final=float(magnitudes[-1].max()),
                 notice=watch.notice,
                 bound=watch.bound,
             )
         )
     return found
-
-
-def _energy(graph: Graph, recording: Recording, plant: str, last_tick: int) -> float:
-    """Integral of the square of the torques held at a plant, exact since they are piecewise constant."""
-    energy = 0.0
-    for link in graph.hears[plant]:
-        held = [
-            (message.tick + link.channel.delay_ticks, message.value)
-            for message in recording.messages[link.name]
-            if not link.channel.loses(plant, message.sequence)
-        ]
-        ends = [tick for tick, _ in held[1:]] + [last_tick]
-        for (tick, torque), end in zip(held, ends, strict=False):
-            held_s = seconds(max(min(end, last_tick) - tick, 0), graph.ticks_per_second)
-            energy += float(torque @ torque) * held_s
-    return energy

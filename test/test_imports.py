@@ -26,6 +26,7 @@ FLOORS = [
     "engines",
     "scenario",
     "bag",
+    "figures",
     "traffic",
     "runs",
     "report",

@@ -170,7 +170,7 @@ def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, p
     }
     assert cells(table, "baseline's payload [bytes]")["baseline (periodic)"] == "24,000"
     assert cells(table, "baseline's payload [bytes]")["this run"] == ""
-    reduction = cells(table, "reduction of the payload [%]")
+    reduction = cells(table, "fewer bytes [%]")
     payload = whole.summary.network.payload_bytes
     assert float(reduction["this run"]) == pytest.approx(100.0 * (1.0 - payload / 24_000.0), abs=0.05)
 

@@ -26,7 +26,11 @@ from etac_ros.scenario.document import (
 from etac_ros.scenario.load import config_folders, load
 
 Small = Callable[..., Path]
-REFUSED = {("qi2022", "printed"): "not positive definite"}
+REFUSED = {
+    ("qi2022", "printed"): "not positive definite",
+    ("shi2022", "rate-1.5"): "outside the performance bound",
+    ("shi2022", "rate-1.8"): "outside the performance bound",
+}
 """Variants that show why a paper's printed values cannot be."""
 PERIODIC = "etac_ros.triggers.periodic:Periodic"
 

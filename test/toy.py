@@ -71,7 +71,7 @@ class Scripted(Module):
     """Acts at scripted ticks, or once its ramp is above a bound that grows with what it has heard."""
 
     Parameters = ScriptedParameters
-    triggers = True
+    triggers = "said"
 
     def __init__(self, context: Context, parameters: ScriptedParameters) -> None:
         super().__init__(context)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.progress import track
 
-from etac_ros.cli.show import band, label, number, plain_table
+from etac_ros.cli.show import band, figure_label, number, plain_table
 from etac_ros.errors import ScenarioError
 from etac_ros.runs import baseline_of, run_in_process
 from etac_ros.scenario.load import Scenario, load
@@ -61,7 +61,7 @@ def _show_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary], c
             figure = summary.published[name]
             table.add_row(
                 scenario.variant or "" if place == 0 else "",
-                label(name, summary),
+                figure_label(name, summary),
                 number(summary.measured[name]),
                 number(figure.value),
                 band(figure),

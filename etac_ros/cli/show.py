@@ -10,22 +10,12 @@ from rich.table import Table
 
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
+from etac_ros.figures import label, stands_alone
 from etac_ros.scenario.load import Scenario
 from etac_ros.traffic import PublishedValue, Summary
 
 _NARROWEST = 124
 """Columns below which the tables would be cut."""
-
-_LABELS = {
-    "triggers": "triggering instants",
-    "network_messages": "network messages",
-    "network_payload_bytes": "network payload [bytes]",
-    "baseline_messages": "baseline's network messages",
-    "baseline_payload_bytes": "baseline's payload [bytes]",
-    "message_reduction_percent": "fewer messages [%]",
-    "reduction_percent": "fewer bytes [%]",
-    "max_interval_s": "longest interval [s]",
-}
 
 
 def make_console() -> Console:
@@ -45,14 +35,11 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
     console.print()
     console.print(_performance(summary))
     console.print()
-    for plant, watched in summary.watches.items():
-        for watch in watched:
-            limits = [f"{value:g} {word}" for value, word in ((watch.notice, "range"), (watch.bound, "limit")) if value]
-            console.print(
-                f"{plant}: largest {watch.name} {watch.largest:.3f} {watch.unit} about {watch.axis} at {watch.at_s:g} s"
-                f" ({', '.join(limits)} [{watch.unit}])",
-                soft_wrap=True,
-            )
+    if summary.watches:
+        console.print(_watched(summary))
+        console.print()
+    for name, count in summary.samples.items():
+        console.print(f"{name}: {count:,} samples inside the module, which no message carries")
     timing = summary.timing
     speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
     console.print(
@@ -69,11 +56,12 @@ def _figures(scenario: Scenario, summary: Summary) -> Table:
     table = plain_table("")
     for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
         table.add_column(column, justify="right", no_wrap=True)
-    for name in [*summary.measured, *(name for name in summary.published if name not in summary.measured)]:
+    shown = [name for name in summary.measured if name in summary.published or stands_alone(name)]
+    for name in [*shown, *(name for name in summary.published if name not in summary.measured)]:
         measured = summary.measured.get(name)
         figure = summary.published.get(name)
         row = [
-            label(name, summary),
+            figure_label(name, summary),
             "-" if measured is None else number(measured),
             "" if figure is None else number(figure.value),
             "" if figure is None else band(figure),
@@ -85,13 +73,10 @@ def _figures(scenario: Scenario, summary: Summary) -> Table:
     return table
 
 
-def label(name: str, summary: Summary) -> str:
-    """What a measured figure is called in a table."""
-    for sensor in summary.triggers:
-        suffix = sensor.replace("/", "_")
-        if name.endswith(suffix) and name.removesuffix(suffix) in _LABELS:
-            return f"{_LABELS[name.removesuffix(suffix)]}, {sensor}"
-    return _LABELS.get(name, name.replace("_", " "))
+def figure_label(name: str, summary: Summary) -> str:
+    """What a measured or published figure is called in a table."""
+    published = summary.published.get(name)
+    return label(name, summary.triggers, "" if published is None else published.label)
 
 
 def _topics(summary: Summary) -> Table:
@@ -126,7 +111,31 @@ def _performance(summary: Summary) -> Table:
             f"{figures.max_rate_deg_s:.3g}",
             f"{figures.energy_n2m2s:.4g}",
         )
-    table.caption = "* over the last 40 % of the run"
+    table.caption = f"* from {summary.steady_from_s:g} s on"
+    return table
+
+
+def _watched(summary: Summary) -> Table:
+    table = plain_table("watched", "")
+    for column in ("largest", "at [s]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("axis", no_wrap=True)
+    for column in ("largest*", "at the end", "notice", "limit"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for node, watched in summary.watches.items():
+        for place, watch in enumerate(watched):
+            table.add_row(
+                node if place == 0 else "",
+                f"{watch.name} [{watch.unit}]" if watch.unit else watch.name,
+                f"{watch.largest:.4g}",
+                f"{watch.at_s:g}",
+                watch.axis,
+                f"{watch.steady:.3g}",
+                f"{watch.final:.3g}",
+                "" if watch.notice is None else f"{watch.notice:g}",
+                "" if watch.bound is None else f"{watch.bound:g}",
+            )
+    table.caption = f"* from {summary.steady_from_s:g} s on"
     return table
 
 

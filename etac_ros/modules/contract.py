@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from etac_ros.modules.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Plant
+from etac_ros.plants.plant import Plant, Watch
 
 Outputs = Mapping[str, FloatArray]
 """What a module sends: a value for an output port. A port that is left out sends nothing."""
@@ -84,7 +84,9 @@ class Module:
         True for a module that answers and needs to know the tick. Over a stamped link the message tells it; otherwise
         it waits for an order.
     triggers
-        True where what the module sends are the triggering instants that a run counts.
+        The output port whose messages are the triggering instants that a run counts; empty where there are none.
+    senses
+        True for a module that takes samples inside itself, where others have a sensor and a link: they are counted.
     """
 
     Parameters: ClassVar[type[Parameters]] = Parameters
@@ -92,7 +94,8 @@ class Module:
     answers: ClassVar[bool] = False
     passive: ClassVar[bool] = False
     timed: ClassVar[bool] = False
-    triggers: ClassVar[bool] = False
+    triggers: ClassVar[str] = ""
+    senses: ClassVar[bool] = False
 
     inputs: dict[str, int]
     outputs: dict[str, int]
@@ -128,6 +131,10 @@ class Module:
             None if it stays quiet up to the window's end (or, without a plant, for good).
         """
         return None
+
+    def watches(self, window: Window) -> tuple[Watch, ...]:
+        """What the module watches, over committed samples from the beginning of a run on."""
+        return ()
 
     def advance(self, tick: int, window: Window) -> None:
         """Commit memory up to and including ``tick``; samples up to there are final."""

@@ -7,7 +7,7 @@ import numpy as np
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Plant, watches_of
+from etac_ros.plants.plant import Plant, Watch, watches_of
 
 
 class PlantModuleParameters(Parameters):
@@ -75,6 +75,10 @@ class PlantModule(Module):
         self.tick = tick
         self._window = None
         return window.start, fresh
+
+    def watches(self, window: Window) -> tuple[Watch, ...]:
+        """What the plant watches."""
+        return watches_of(self.plant, window.samples)
 
     def _left_bounds(self, start: int, samples: FloatArray) -> str:
         """Why the run has to end: only committed samples count, never the uncommitted tail of a window."""

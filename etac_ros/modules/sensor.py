@@ -69,7 +69,7 @@ class Sensor(Module):
 
     Parameters = SensorParameters
     components = ("signal", "trigger")
-    triggers = True
+    triggers = "signal"
 
     def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: TriggerRule) -> None:
         super().__init__(context)

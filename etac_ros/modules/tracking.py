@@ -101,7 +101,7 @@ class RelativeSensor(Module):
     Parameters = RelativeSensorParameters
     components = ("measurement", "law", "trigger")
     passive = True
-    triggers = True
+    triggers = "signal"
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class TriggeredController(Module):
 
     components = ("law", "trigger")
     passive = True
-    triggers = True
+    triggers = "command"
 
     def __init__(self, context: Context, parameters: Parameters, law: WatchedLaw, trigger: TriggerRule) -> None:
         super().__init__(context)
@@ -206,7 +206,7 @@ class ModalController(Module):
     Parameters = ModalControllerParameters
     components = ("law",)
     passive = True
-    triggers = True
+    triggers = "command"
 
     def __init__(self, context: Context, parameters: ModalControllerParameters, law: ModalLaw) -> None:
         super().__init__(context)

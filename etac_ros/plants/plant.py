@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
+import numpy as np
+
 from etac_ros.parameters import FloatArray, Parameters
 
 
@@ -73,6 +75,20 @@ class Plant(Protocol):
     def attitude_angle(self, states: FloatArray) -> FloatArray:
         """Attitude error as one angle [rad], shape (n,)."""
         ...
+
+
+class GuidedPlant(Plant, Protocol):
+    """A plant whose reference moves. A plant with a fixed one is just a :class:`Plant`, whose state is the error."""
+
+    def errors(self, states: FloatArray, tick: int) -> FloatArray:
+        """The states at ``tick``, ``tick + 1``, ... relative to the reference, laid out as the states are."""
+        ...
+
+
+def errors_of(plant: Plant, states: FloatArray, tick: int) -> FloatArray:
+    """States from ``tick`` on relative to the reference: what angles and rates are reported of."""
+    errors = getattr(plant, "errors", None)
+    return states if errors is None else np.asarray(errors(states, tick))
 
 
 class WatchedPlant(Plant, Protocol):

@@ -5,20 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from etac_ros.figures import label, stands_alone
 from etac_ros.report.source import ReportedRun
 from etac_ros.report.view import View
 from etac_ros.scenario.schema import PublishedFigure
 from etac_ros.traffic import Summary, Topic, Totals, with_measured
 
-_LABELS = {
-    "triggers": "triggering instants",
-    "network_messages": "network messages",
-    "network_payload_bytes": "network payload [bytes]",
-    "baseline_messages": "baseline's network messages",
-    "baseline_payload_bytes": "baseline's payload [bytes]",
-    "reduction_percent": "reduction of the payload [%]",
-    "max_interval_s": "longest interval [s]",
-}
 _KINDS = ("network", "internal", "emulation")
 _OF_BASELINE = "baseline_"
 _AGAINST_BASELINE = (_OF_BASELINE, "reduction_")
@@ -120,7 +112,7 @@ def published_table(view: View) -> Table | None:
     here, paper = measured(view), published(view)
     if not paper:
         return None
-    names = [name for name in here if name in paper or (name in _LABELS and not name.startswith(_OF_BASELINE))]
+    names = [name for name in here if name in paper or (stands_alone(name) and not name.startswith(_OF_BASELINE))]
     names += [name for name in paper if name not in here]
     rows = []
     for name in names:
@@ -128,7 +120,7 @@ def published_table(view: View) -> Table | None:
         # What was measured at the baseline stands in the baseline's column.
         of_other = view.baseline is not None and name.startswith(_OF_BASELINE)
         cells = [
-            _LABELS.get(name, name.replace("_", " ")),
+            label(name, view.run.summary.triggers, "" if figure is None else figure.label),
             "" if value is None or of_other else _number(value),
             "" if figure is None else _number(figure.value),
             _band(figure),
@@ -182,11 +174,11 @@ def traffic_table(view: View) -> Table:
 def trigger_table(view: View) -> Table | None:
     """Triggering instants of each sensor; None if no module triggers."""
     rows = []
-    for run, label in zip(_runs(view), _headings(view), strict=True):
+    for run, heading in zip(_runs(view), _headings(view), strict=True):
         for name, triggers in run.summary.triggers.items():
             spans = (triggers.min_interval_s, triggers.mean_interval_s, triggers.max_interval_s)
             cells = ["" if span is None else f"{span:.4g}" for span in spans]
-            words = name if view.other is None else f"{name}, {label}"
+            words = name if view.other is None else f"{name}, {heading}"
             rows.append(Row((words, f"{triggers.count:,}", *cells)))
     if not rows:
         return None
@@ -197,7 +189,7 @@ def trigger_table(view: View) -> Table | None:
 def performance_table(view: View) -> Table:
     """How well each plant pointed, and at what cost."""
     rows = []
-    for run, label in zip(_runs(view), _headings(view), strict=True):
+    for run, heading in zip(_runs(view), _headings(view), strict=True):
         for name, figures in run.summary.performance.items():
             numbers = (
                 figures.attitude_error_deg,
@@ -205,7 +197,7 @@ def performance_table(view: View) -> Table:
                 figures.rate_deg_s,
                 figures.max_rate_deg_s,
             )
-            words = name if view.other is None else f"{name}, {label}"
+            words = name if view.other is None else f"{name}, {heading}"
             energy = f"{figures.energy_n2m2s:.4g}"
             rows.append(Row((words, *(f"{number:.3g}" for number in numbers), energy)))
     return Table(
@@ -219,15 +211,15 @@ def performance_table(view: View) -> Table:
             "energy [N²m²s]",
         ),
         tuple(rows),
-        ("* over the last 40 % of the run. Energy: integral of the square of the held torque.",),
+        (f"* from {view.run.summary.steady_from_s:g} s on. Energy: integral of the square of the held torque.",),
     )
 
 
 def remarks(view: View) -> tuple[str, ...]:
     """What a reader has to know before believing any of the rest."""
     found = []
-    for run, label in zip(_runs(view), _headings(view), strict=True):
-        whose = "This run" if label == "this run" else f"The {label}"
+    for run, heading in zip(_runs(view), _headings(view), strict=True):
+        whose = "This run" if heading == "this run" else f"The {heading}"
         if run.was_recovered:
             found.append(f"{whose}: the bag had been cut off and was repaired ({run.was_recovered}).")
         if not run.is_complete:

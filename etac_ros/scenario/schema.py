@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 from pydantic import (
@@ -53,12 +54,64 @@ class WindowSection(Parameters):
         return self
 
 
+class Statistic(StrEnum):
+    """How a figure is taken from a run."""
+
+    COUNT = "count"
+    """Triggering instants."""
+    MIN_INTERVAL = "min_interval_s"
+    MEAN_INTERVAL = "mean_interval_s"
+    MAX_INTERVAL = "max_interval_s"
+    LARGEST = "largest"
+    """Largest norm of a quantity."""
+    LARGEST_COMPONENT = "largest_component"
+    MEAN = "mean"
+    """Mean of the norm."""
+    FINAL = "final"
+    """Norm at the end."""
+    SETTLING_TIME = "settling_time_s"
+    """First instant after which every component stays within ``bound``."""
+    ENERGY = "energy_n2m2s"
+    """Integral of the square of the held torque."""
+
+
+class Measure(Parameters):
+    """What a figure is, where its name does not say it."""
+
+    statistic: Statistic
+    node: str | None = Field(
+        default=None, description="a sensor for counts and intervals, else a plant; default: the one"
+    )
+    quantity: str | None = Field(default=None, description="attitude error, rate, torque or what the node watches")
+    from_s: float = Field(default=0.0, ge=0.0)
+    until_s: PositiveFloat | None = None
+    bound: PositiveFloat | None = Field(default=None, description="for settling_time_s")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Measure:
+        if self.statistic is Statistic.SETTLING_TIME and self.bound is None:
+            raise ValueError("settling_time_s needs the key 'bound'")
+        if self.until_s is not None and self.until_s <= self.from_s:
+            raise ValueError(f"until_s is {self.until_s:g}, and must be after from_s, {self.from_s:g}")
+        return self
+
+
 class PublishedFigure(Parameters):
     """A figure of the paper, and the band in which a single draw of it may lie."""
 
     value: FiniteFloat
     low: FiniteFloat
     high: FiniteFloat
+    label: str = Field(default="", description="what it is called in tables")
+    where: str = Field(default="", description="where the paper prints it: table, figure, section")
+    reason: str = Field(default="", description="why it is not reproduced, or cannot be tested")
+    measure: Measure | None = Field(default=None, description="how it is measured, where its name does not say it")
+
+    @model_validator(mode="after")
+    def _band(self) -> PublishedFigure:
+        if not self.low <= self.high:
+            raise ValueError(f"the band runs from {self.low:g} to {self.high:g}: low must not be above high")
+        return self
 
 
 class Published(Parameters):
@@ -87,6 +140,9 @@ class RunSection(Parameters):
     wire: LinkWire = WireFormat.COMPACT
     windows: WindowSection = WindowSection()
     links: dict[str, LinkSection]
+    steady_from_s: float | None = Field(
+        default=None, ge=0.0, description="steady figures are taken from here on; default: over the last 40 %"
+    )
     baseline: str | None = None
     compare: tuple[str, ...] = Field(default=(), description="variants that `etac compare` shows beside each other")
     variant: str | None = Field(default=None, description="written by `etac resolve`: which variant this is")

@@ -128,11 +128,12 @@ class TimeMaster:
     def _note(self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
         self._halt(sender, report)
-        if report.sent and self._last_fired.get(sender, tick) != tick:
-            self._last_fired[sender] = tick
-            self.fired[sender] += 1
+        triggering = self._graph.modules[sender].triggers
         for name in report.sent:
             link = self._graph.links[name]
+            if link.port == triggering and self._last_fired.get(sender, tick) != tick:
+                self._last_fired[sender] = tick
+                self.fired[sender] += 1
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
             self.ledger.append(Transit(name, message.sequence, tick, step))

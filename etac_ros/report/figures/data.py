@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from etac_ros.engines.recording import Recording
+from etac_ros.figures import trigger_ticks
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.contract import Window
 from etac_ros.modules.graph import Graph, LinkKind
@@ -19,8 +20,7 @@ from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
 from etac_ros.modules.tracking import RelativeSensor
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Body, Plant, bodies_of
-from etac_ros.traffic import trigger_ticks
+from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of
 
 _LAST_PART = 0.4
 """The part of a run that is taken for its steady state, as in the summary."""
@@ -208,8 +208,7 @@ def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
 
 def instants_s(graph: Graph, recording: Recording, module: str) -> FloatArray:
     """Triggering instants of a module [s]."""
-    ticks = np.array(trigger_ticks(graph, recording, module), dtype=np.int64)
-    return np.asarray(seconds(ticks, graph.ticks_per_second))
+    return np.asarray(seconds(trigger_ticks(graph, recording, module), graph.ticks_per_second))
 
 
 def intervals(instants: FloatArray) -> Curve:
@@ -287,9 +286,10 @@ def _round_up(value: float) -> float:
 def _of_states(
     graph: Graph, recording: Recording, plant: str, values: Callable[[Plant, FloatArray], FloatArray]
 ) -> Curve:
+    body = dynamics(graph, plant)
     first, states = recording.samples(plant)
     ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
-    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(dynamics(graph, plant), states))
+    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_of(body, states, first)))
 
 
 def _arrivals(graph: Graph, recording: Recording, plant: str, port: str) -> Mapping[tuple[int, int], list[FloatArray]]:
