@@ -14,7 +14,8 @@ from etac_ros.modules.contract import Window
 from etac_ros.modules.graph import Graph
 from etac_ros.modules.plant import PlantModule
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Watch, errors_of
+from etac_ros.plants.plant import errors_of
+from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
 

@@ -14,7 +14,7 @@ import yaml
 from etac_ros.engines.recording import Recording
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Watch
+from etac_ros.plants.watch import Watch
 from etac_ros.scenario.load import Scenario, load
 
 

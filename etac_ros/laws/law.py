@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pydantic import PositiveInt
 
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.watch import Watch
 
 TickArray = npt.NDArray[np.int64]
 
@@ -88,6 +89,32 @@ class RelativeSignal(Protocol):
 
     def evaluate(self, states: FloatArray, torque: FloatArray, ticks: TickArray) -> FloatArray:
         """Signal of each state, shape (n, size)."""
+        ...
+
+
+class LawWithMemory(Protocol):
+    """A law that keeps something between samples, handed in and out so that looking ahead leaves no trace."""
+
+    Parameters: ClassVar[type[Parameters]]
+    command_size: int
+    """Components of the command."""
+    memory_size: int
+    """Components of the memory."""
+    label: str
+    """Symbol of the command in the paper, for plots."""
+    unit: str
+    """Unit of the command, for plots."""
+
+    def initial_memory(self, state: FloatArray) -> FloatArray:
+        """Memory before the first sample; a ValueError refuses the start."""
+        ...
+
+    def fold(self, states: FloatArray, tick: int, memory: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Command at each sample from ``tick`` on, and the memory after it."""
+        ...
+
+    def watches(self, states: FloatArray, tick: int, memory: FloatArray) -> tuple[Watch, ...]:
+        """Quantities of the law that have to stay within bounds, at each sample from ``tick`` on."""
         ...
 
 

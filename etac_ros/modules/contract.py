@@ -12,7 +12,8 @@ from typing import ClassVar
 
 from etac_ros.modules.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Plant, Watch
+from etac_ros.plants.plant import Plant
+from etac_ros.plants.watch import Watch
 
 Outputs = Mapping[str, FloatArray]
 """What a module sends: a value for an output port. A port that is left out sends nothing."""

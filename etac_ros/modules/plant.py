@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from etac_ros.maths.ticks import seconds
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Plant, Watch, watches_of
+from etac_ros.plants.plant import Plant, watches_of
+from etac_ros.plants.watch import Watch, rows_left, words
 
 
 class PlantModuleParameters(Parameters):
@@ -82,26 +82,12 @@ class PlantModule(Module):
 
     def _left_bounds(self, start: int, samples: FloatArray) -> str:
         """Why the run has to end: only committed samples count, never the uncommitted tail of a window."""
-        found: tuple[int, str] | None = None
-        for watch in watches_of(self.plant, samples):
-            if watch.bound is None:
-                continue
-            outside = np.abs(watch.values) > watch.bound
-            if not outside.any():
-                continue
-            row = int(np.argmax(outside.any(axis=1)))
-            column = int(np.argmax(np.abs(watch.values[row])))
-            if found is None or row < found[0]:
-                at = seconds(start + row, self.context.ticks_per_second)
-                state = ", ".join(f"{value:.6g}" for value in samples[row])
-                found = (
-                    row,
-                    (
-                        f"{watch.name} about {watch.axes[column]} is {watch.values[row, column]:.6g} {watch.unit} at "
-                        f"{at:.6g} s (tick {start + row}), outside +-{watch.bound:g} {watch.unit}; state [{state}]"
-                    ),
-                )
-        return "" if found is None else found[1]
+        watches = watches_of(self.plant, samples)
+        rows = rows_left(watches)
+        if not rows.size:
+            return ""
+        row = int(rows[0])
+        return words(watches, row, start + row, self.context.ticks_per_second, samples[row])
 
     def open(self, length: int) -> Window:
         """Compute the samples that follow the committed state; the first window starts with tick 0 itself."""

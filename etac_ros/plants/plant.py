@@ -9,32 +9,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from etac_ros.parameters import FloatArray, Parameters
-
-
-@dataclass(frozen=True)
-class Watch:
-    """A quantity of a plant that is reported, and that ends the run when it leaves its bound.
-
-    Attributes
-    ----------
-    name, unit
-        What it is, and its unit.
-    values
-        The quantity at each state, shape (n, m); its magnitude counts.
-    axes
-        Name of each of the m columns.
-    bound
-        Leaving it ends the run; None only reports.
-    notice
-        A smaller bound that is reported beside the largest value; None is none.
-    """
-
-    name: str
-    unit: str
-    values: FloatArray
-    axes: tuple[str, ...]
-    bound: float | None
-    notice: float | None = None
+from etac_ros.plants.watch import Watch
 
 
 class Plant(Protocol):

@@ -96,7 +96,8 @@ from etac_ros.parameters import (
     vector,
 )
 from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
-from etac_ros.plants.plant import Body, Watch
+from etac_ros.plants.plant import Body
+from etac_ros.plants.watch import Watch
 
 PM_ATTITUDE = slice(0, 4)
 PM_RATE = slice(4, 7)

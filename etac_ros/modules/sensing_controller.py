@@ -1,0 +1,161 @@
+"""Sensor, law and trigger rule in one module: what crosses the network is the torque, at triggering instants.
+
+So it is where the trigger rule compares the law's torque of every sample with the torque that is held (shi2022 fig. 4
+and eq. 21): the way from sensor to controller is inside the module, the network begins behind it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from etac_ros.laws.law import LawWithMemory
+from etac_ros.modules.contract import Context, Module, Outputs, Window
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.watch import Watch, rows_left, words
+from etac_ros.triggers.rule import TriggerRule
+
+
+class SensingControllerParameters(Parameters):
+    """A sensing controller has no parameters beside its law's and its trigger rule's."""
+
+
+@dataclass(frozen=True)
+class _Committed:
+    """What is final: the command of the last committed tick, the memory after it, and a bound that was left at it."""
+
+    tick: int
+    command: FloatArray
+    memory: FloatArray
+    left: str = ""
+
+
+@dataclass(frozen=True)
+class _Ahead:
+    """What follows from the committed memory over the rest of a window, at ticks ``first, first + 1, ...``."""
+
+    window: Window
+    first: int
+    commands: FloatArray
+    memories: FloatArray
+    outside: list[int]
+    """Rows at which the law leaves a bound, in order."""
+
+
+class SensingController(Module):
+    """Measures, computes the command, and transmits it when its trigger rule says so.
+
+    Parameters
+    ----------
+    context
+        Its plant and the wire format of the port ``command``.
+    parameters
+        None: they are the law's and the trigger rule's.
+    law
+        Command of each sample; it may have memory.
+    trigger
+        When the command is transmitted; the first sample's always is.
+
+    Raises
+    ------
+    ValueError
+        If there is no plant, or the law refuses its start.
+    """
+
+    Parameters = SensingControllerParameters
+    components = ("law", "trigger")
+    triggers = "command"
+    senses = True
+
+    def __init__(
+        self, context: Context, parameters: SensingControllerParameters, law: LawWithMemory, trigger: TriggerRule
+    ) -> None:
+        super().__init__(context)
+        if context.plant is None:
+            raise ValueError("a sensing controller needs a plant, named by the key 'reads'")
+        self.outputs = {"command": law.command_size}
+        self.law = law
+        self.trigger = trigger
+        self.held: FloatArray | None = None
+        self.held_tick: int | None = None
+        self._wire = self.wire("command")
+        memory = law.initial_memory(context.plant.initial_state())
+        self._committed = _Committed(-1, np.zeros(law.command_size), memory)
+        self._ahead: _Ahead | None = None
+
+    def scan(self, window: Window | None, after: int) -> int | None:
+        """First tick at which the trigger rule holds or the law leaves a bound."""
+        assert window is not None
+        ahead = self._look(window)
+        offset = max(after + 1 - ahead.first, 0)
+        if offset >= ahead.commands.shape[0]:
+            return None
+        due = [row for row in ahead.outside if row >= offset][:1]
+        if self.held is None:
+            due.append(offset)
+        else:
+            index = self.trigger.first(ahead.commands[offset:], ahead.first + offset, self.held, self.held_tick)
+            due += [offset + index] if index >= 0 else []
+        return ahead.first + min(due) if due else None
+
+    def advance(self, tick: int, window: Window) -> None:
+        """Keep the command of this tick, and the law's memory after it."""
+        if tick <= self._committed.tick:
+            return
+        ahead = self._look(window)
+        row = tick - ahead.first
+        left = ""
+        if row in ahead.outside:
+            state = np.ascontiguousarray(window.at(tick))
+            watches = self.law.watches(state[np.newaxis, :], tick, self._committed.memory)
+            left = words(watches, 0, tick, self.context.ticks_per_second, state)
+        self._committed = _Committed(tick, ahead.commands[row].copy(), ahead.memories[row].copy(), left)
+
+    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
+        """Transmit the command of this tick and hold it, rounded as on the wire; or end the run if a bound is left."""
+        committed = self._committed
+        assert committed.tick == tick
+        if committed.left:
+            self.halt = committed.left
+            return {}
+        self.held = self._wire.rounded(committed.command)
+        self.held_tick = tick
+        return {"command": self.held}
+
+    def watched(self, window: Window) -> FloatArray:
+        """The command at each sample: what the trigger rule is shown.
+
+        Raises
+        ------
+        ValueError
+            If samples of the window are committed: the memory before them is gone.
+        """
+        ahead = self._look(window)
+        if ahead.first != window.start:
+            raise ValueError(f"the law's memory is that after tick {self._committed.tick}; it does not go back")
+        return ahead.commands
+
+    def watches(self, window: Window) -> tuple[Watch, ...]:
+        """Quantities of the law at each sample, which have to stay within bounds."""
+        return self.law.watches(window.samples, window.start, self._committed.memory)
+
+    def held_by(self, value: FloatArray, tick: int) -> FloatArray:
+        """What the trigger rule compares with after a message: its value."""
+        return value
+
+    def _look(self, window: Window) -> _Ahead:
+        """Fold the law over a copy of its memory, through the samples that are not committed."""
+        if self._ahead is not None and self._ahead.window is window:
+            return self._ahead
+        first = max(window.start, self._committed.tick + 1)
+        if window.start > self._committed.tick + 1:
+            raise ValueError(
+                f"the law needs every sample: the last was that of tick {self._committed.tick}, "
+                f"the window begins at {window.start}"
+            )
+        samples = window.samples[first - window.start :]
+        commands, memories = self.law.fold(samples, first, self._committed.memory)
+        outside = rows_left(self.law.watches(samples, first, self._committed.memory)).tolist()
+        self._ahead = _Ahead(window, first, commands, memories, outside)
+        return self._ahead
