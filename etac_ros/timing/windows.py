@@ -25,12 +25,12 @@ class WindowPolicy:
             raise ValueError(f"windows need 1 <= first <= longest, found {self.first} and {self.longest}")
 
     def after_quiet(self, length: int) -> int:
-        """Twice the length of a window in which nothing happened."""
-        return min(2 * length, self.longest)
+        """Four times the length of a window in which nothing happened."""
+        return min(4 * length, self.longest)
 
     def after_hit(self, used: int) -> int:
-        """One and a half times the samples that were used before something happened."""
-        return min(max(1, used + used // 2), self.longest)
+        """Twice the samples that were used before something happened: the next interval is seldom longer."""
+        return min(max(1, 2 * used), self.longest)
 
 
 USUAL_WINDOWS = WindowPolicy()
