@@ -13,6 +13,7 @@ from etac_ros.maths.ticks import seconds
 from etac_ros.modules.contract import Window
 from etac_ros.modules.graph import Graph
 from etac_ros.modules.plant import PlantModule
+from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import errors_of
 from etac_ros.plants.watch import Watch
@@ -22,6 +23,7 @@ from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
 ATTITUDE = "attitude error"
 RATE = "rate"
 TORQUE = "torque"
+SIGNAL = "signal"
 
 _LABELS = {
     "triggers": "triggering instants",
@@ -36,11 +38,21 @@ _LABELS = {
     "baseline_payload_bytes": "baseline's payload [bytes]",
     "message_reduction_percent": "fewer messages [%]",
     "reduction_percent": "fewer bytes [%]",
+    "energy_n2m2s": "energy [N²m²s]",
+    "energy_reduction_percent": "less energy [%]",
+    "baseline_more_triggers": "baseline's triggers beyond these",
+    "baseline_more_energy_n2m2s": "baseline's energy beyond this [N²m²s]",
 }
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
 
 
-_ONLY_BESIDE = ("min_interval_s", "mean_interval_s", "steady_mean_interval_s")
+_ONLY_BESIDE = (
+    "min_interval_s",
+    "mean_interval_s",
+    "steady_mean_interval_s",
+    "energy_",
+    "baseline_more_",
+)
 """Every run has them, and a table shows them where something published stands beside."""
 
 
@@ -96,7 +108,7 @@ def energy(graph: Graph, recording: Recording, plant: str, first_tick: int, last
         held = [
             (message.tick + link.channel.delay_ticks, message.value)
             for message in recording.messages[link.name]
-            if not link.channel.loses(plant, message.sequence)
+            if not link.channel.loses(plant, message.sequence, message.tick)
         ]
         ends = [tick for tick, _ in held[1:]] + [last_tick]
         for (tick, torque), end in zip(held, ends, strict=False):
@@ -113,7 +125,7 @@ def held_torque(graph: Graph, recording: Recording, plant: str) -> FloatArray:
         held = [
             (message.tick + link.channel.delay_ticks - first, message.value)
             for message in recording.messages[link.name]
-            if not link.channel.loses(plant, message.sequence)
+            if not link.channel.loses(plant, message.sequence, message.tick)
         ]
         ends = [tick for tick, _ in held[1:]] + [states.shape[0]]
         for (tick, torque), end in zip(held, ends, strict=False):
@@ -129,7 +141,8 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
     node
         A plant, or a module that watches something.
     name
-        ``attitude error`` [deg], ``rate`` [deg/s] or ``torque`` [N m] of a plant, or what it watches.
+        ``attitude error`` [deg], ``rate`` [deg/s] or ``torque`` [N m] of a plant, ``signal`` of a sensor, or what the
+        node watches.
 
     Raises
     ------
@@ -140,7 +153,18 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
     for watch in watches:
         if watch.name == name:
             return first, watch.values
+    if name == SIGNAL and node not in graph.plants:
+        return _signal(graph, recording, node)
     return first, _of_plant(graph, recording, node)[name]()
+
+
+def _signal(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatArray]:
+    """What a sensor forms of its plant's committed samples, free of noise and filters."""
+    module = graph.modules[node]
+    if not isinstance(module, Sensor):
+        raise KeyError(SIGNAL)
+    first, states = recording.samples(graph.reads[node])
+    return first, module.signal.evaluate(np.ascontiguousarray(states))
 
 
 def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callable[[], FloatArray]]:
@@ -177,6 +201,7 @@ def check(figures: Mapping[str, PublishedFigure], graph: Graph, file: str) -> No
             continue
         _, watches = watches_of_module(graph, empty, node)
         known = [*(watch.name for watch in watches), *_of_plant(graph, empty, node)]
+        known += [SIGNAL] if isinstance(graph.modules[node], Sensor) else []
         if figure.measure.quantity not in known:
             raise ScenarioError(
                 f"{where}.quantity", f"found '{figure.measure.quantity}'", f"one of: {', '.join(known)}"

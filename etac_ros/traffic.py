@@ -218,6 +218,8 @@ def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
             if value is not None:
                 measured[f"{figure}{suffix}"] = value
     measured.update(summary.own)
+    energy_used = sum(figures.energy_n2m2s for figures in summary.performance.values())
+    measured["energy_n2m2s"] = energy_used
     measured["network_messages"] = float(summary.network.messages)
     measured["network_payload_bytes"] = float(summary.network.payload_bytes)
     if baseline is not None:
@@ -228,7 +230,21 @@ def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
         if baseline.network.payload_bytes:
             ratio = summary.network.payload_bytes / baseline.network.payload_bytes
             measured["reduction_percent"] = 100.0 * (1.0 - ratio)
+        measured.update(_against(summary, energy_used, baseline))
     return summary.model_copy(update={"measured": measured, "baseline": baseline})
+
+
+def _against(summary: Summary, energy_used: float, baseline: Summary) -> dict[str, float]:
+    """What a baseline needs more, in triggering instants and energy."""
+    found = {}
+    if len(summary.triggers) == len(baseline.triggers) == 1:
+        (own,), (other,) = summary.triggers.values(), baseline.triggers.values()
+        found["baseline_more_triggers"] = float(other.count - own.count)
+    energy_of_baseline = sum(figures.energy_n2m2s for figures in baseline.performance.values())
+    found["baseline_more_energy_n2m2s"] = energy_of_baseline - energy_used
+    if energy_of_baseline > 0.0:
+        found["energy_reduction_percent"] = 100.0 * (1.0 - energy_used / energy_of_baseline)
+    return found
 
 
 def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:

@@ -15,24 +15,24 @@ names = st.text(min_size=1, max_size=8)
 
 
 def fates(channel: Channel, receiver: str, count: int = MESSAGES) -> list[bool]:
-    return [channel.loses(receiver, sequence) for sequence in range(1, count + 1)]
+    return [channel.drops(receiver, sequence) for sequence in range(1, count + 1)]
 
 
 @given(seeds, names, names, st.floats(0.01, 0.99), st.lists(st.integers(1, 10**9), max_size=10))
 def test_fate_depends_on_nothing_else(seed: int, link: str, receiver: str, loss: float, numbers: list[int]) -> None:
     channel = Channel(seed, link, loss=loss)
-    fate = {number: channel.loses(receiver, number) for number in numbers}
+    fate = {number: channel.drops(receiver, number) for number in numbers}
     for number in sorted(numbers, reverse=True):
-        channel.loses("another", number)
-        assert channel.loses(receiver, number) == fate[number]
-        assert Channel(seed, link, delay_ticks=7, loss=loss).loses(receiver, number) == fate[number]
+        channel.drops("another", number)
+        assert channel.drops(receiver, number) == fate[number]
+        assert Channel(seed, link, delay_ticks=7, loss=loss).drops(receiver, number) == fate[number]
 
 
 @given(seeds, names, st.integers(1, 10**6), st.floats(0.0, 0.98), st.floats(0.0, 0.98))
 def test_a_lossier_channel_loses_the_same_and_more(seed: int, link: str, number: int, one: float, other: float) -> None:
     low, high = sorted([one, other])
-    if Channel(seed, link, loss=low).loses("/a", number):
-        assert Channel(seed, link, loss=high).loses("/a", number)
+    if Channel(seed, link, loss=low).drops("/a", number):
+        assert Channel(seed, link, loss=high).drops("/a", number)
 
 
 @pytest.mark.parametrize("loss", [0.05, 0.3, 0.9])

@@ -74,19 +74,19 @@ def test_a_graph_without_a_root_is_refused_with_every_gap(matrix: FloatArray) ->
         graph.require_spanning_tree()
     expected = reach(matrix)
     gaps = str(caught.value).split(": ", 1)[1].split("; ")
-    spoken = set()
+    spoken: list[int] = []
     for gap in gaps:
         assert gap.startswith("from spacecraft ")
         candidates, missing = (
             [int(number) - 1 for number in part.split(", ")]
             for part in gap.removeprefix("from spacecraft ").split(" no message reaches spacecraft ")
         )
-        spoken |= set(candidates)
+        spoken += candidates
         # Nobody else reaches a candidate, and what is said to be missing is missing.
         assert set(np.flatnonzero(expected[:, candidates].any(axis=1))) == set(candidates)
         assert missing == list(np.flatnonzero(~expected[candidates[0]]))
     sources = [i for i in range(graph.size) if expected[i][expected[:, i]].all()]
-    assert spoken == set(sources)
+    assert sorted(spoken) == sources
     assert len(gaps) >= 2
 
 
@@ -95,7 +95,7 @@ def test_text_of_a_formation_in_two_parts() -> None:
     graph = Digraph.from_rows([[0, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 1], [0, 0, 0, 0]])
     with pytest.raises(ValueError, match="spanning tree") as caught:
         graph.require_spanning_tree()
-    assert str(caught.value).endswith(
+    assert str(caught.value).split(": ", 1)[1] == (
         "from spacecraft 1, 2 no message reaches spacecraft 4; from spacecraft 4 no message reaches spacecraft 1, 2"
     )
 

@@ -204,7 +204,7 @@ class AdaptivePrescribedPerformance:
 
     Parameters = AdaptivePrescribedPerformanceParameters
     command_size = 3
-    label = "tau"
+    label = "τ"
     unit = "N m"
 
     def __init__(self, parameters: AdaptivePrescribedPerformanceParameters, ticks_per_second: int) -> None:

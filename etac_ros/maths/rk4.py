@@ -7,19 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from etac_ros.maths.compiled import kernel, source_digest
+from etac_ros.maths.compiled import inlined, kernel, source_digest
 
 
-def propagator(derivative: Callable[..., Any], project: Callable[..., Any]) -> Callable[..., Any]:
+@inlined
+def _time_itself(t, parameters):  # type: ignore[no-untyped-def]
+    return t
+
+
+def propagator(
+    derivative: Callable[..., Any], project: Callable[..., Any], drive: Callable[..., Any] = _time_itself
+) -> Callable[..., Any]:
     """Compile the propagation of one kind of plant over a number of ticks under a held input.
 
     Parameters
     ----------
     derivative
-        ``derivative(t, state, held, parameters, rate)``: writes the time derivative of the state into ``rate``.
+        ``derivative(t, state, held, parameters, rate)``: writes the time derivative of the state into ``rate``. With
+        a ``drive``, what that returned stands in the place of ``t``.
     project
         ``project(state)``: called once after each tick, in place: normalises a quaternion, switches a shadow set.
         Once a tick and never at a window's end, so that it does not depend on windows.
+    drive
+        ``drive(t, parameters)``: what the derivative needs of the time ``t`` [s], a number or a tuple of numbers. A
+        step has two new instants and four derivatives, so costly functions of time belong here.
 
     Returns
     -------
@@ -27,7 +38,7 @@ def propagator(derivative: Callable[..., Any], project: Callable[..., Any]) -> C
         ``propagate(state, tick, count, held, parameters, ticks_per_second, substeps)`` returning the states at
         ``tick + 1 .. tick + count``, shape (count, n). ``held`` is the input, constant throughout.
     """
-    digest = source_digest(derivative, project)
+    digest = source_digest(derivative, project, drive)
 
     @kernel
     def propagate(state, tick, count, held, parameters, ticks_per_second, substeps):  # type: ignore[no-untyped-def]
@@ -42,11 +53,14 @@ def propagator(derivative: Callable[..., Any], project: Callable[..., Any]) -> C
         k4 = np.empty(n)
         rate = ticks_per_second * substeps
         h = 1.0 / rate
+        end = drive(tick * substeps / rate, parameters)
         for i in range(count):
             for j in range(substeps):
                 step = (tick + i) * substeps + j
-                middle = (2 * step + 1) / (2 * rate)
-                derivative(step / rate, x, held, parameters, k1)
+                begin = end
+                middle = drive((2 * step + 1) / (2 * rate), parameters)
+                end = drive((step + 1) / rate, parameters)
+                derivative(begin, x, held, parameters, k1)
                 for a in range(n):
                     y[a] = x[a] + 0.5 * h * k1[a]
                 derivative(middle, y, held, parameters, k2)
@@ -55,7 +69,7 @@ def propagator(derivative: Callable[..., Any], project: Callable[..., Any]) -> C
                 derivative(middle, y, held, parameters, k3)
                 for a in range(n):
                     y[a] = x[a] + h * k3[a]
-                derivative((step + 1) / rate, y, held, parameters, k4)
+                derivative(end, y, held, parameters, k4)
                 for a in range(n):
                     x[a] += h / 6.0 * (k1[a] + 2.0 * k2[a] + 2.0 * k3[a] + k4[a])
             project(x)

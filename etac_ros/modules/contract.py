@@ -86,6 +86,9 @@ class Module:
         it waits for an order.
     triggers
         The output port whose messages are the triggering instants that a run counts; empty where there are none.
+    concludes
+        True for a module that acts twice at its triggering instant: it fires, and then takes what arrives in the same
+        tick, be that nothing. It gets a bag in the step after it has fired in any case.
     senses
         True for a module that takes samples inside itself, where others have a sensor and a link: they are counted.
     """
@@ -96,6 +99,7 @@ class Module:
     passive: ClassVar[bool] = False
     timed: ClassVar[bool] = False
     triggers: ClassVar[str] = ""
+    concludes: ClassVar[bool] = False
     senses: ClassVar[bool] = False
 
     inputs: dict[str, int]

@@ -103,7 +103,8 @@ class Graph:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
         It never acts by itself, it has one undelayed input, so a message is a whole bag; and where it needs to know
-        the time, to compute, to stamp its answers or to find its sample, the message has it.
+        the time, to compute, to stamp its answers or to find its sample, the message has it. A link with outages
+        does not tell by itself what has got through.
         """
         incoming = self.hears[module]
         node = self.modules[module]
@@ -112,4 +113,5 @@ class Graph:
         link = incoming[0]
         stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
         needs_time = stamps or node.timed or node.passive
-        return link.channel.delay_ticks == 0 and (not needs_time or link.wire.format is WireFormat.STAMPED)
+        undelayed = link.channel.delay_ticks == 0 and not link.channel.outages
+        return undelayed and (not needs_time or link.wire.format is WireFormat.STAMPED)

@@ -12,6 +12,7 @@ import numpy as np
 
 from etac_ros.laws.law import LawWithMemory
 from etac_ros.modules.contract import Context, Module, Outputs, Window
+from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch, rows_left, words
 from etac_ros.triggers.rule import TriggerRule
@@ -123,7 +124,17 @@ class SensingController(Module):
         self.held_tick = tick
         return {"command": self.held}
 
-    def watched(self, window: Window) -> FloatArray:
+    @property
+    def watched_label(self) -> str:
+        """Symbol of the law's command."""
+        return self.law.label
+
+    @property
+    def watched_unit(self) -> str:
+        """Unit of the law's command."""
+        return self.law.unit
+
+    def watched(self, window: Window | None, heard: Heard = NOTHING) -> FloatArray:
         """The command at each sample: what the trigger rule is shown.
 
         Raises
@@ -131,6 +142,7 @@ class SensingController(Module):
         ValueError
             If samples of the window are committed: the memory before them is gone.
         """
+        assert window is not None
         ahead = self._look(window)
         if ahead.first != window.start:
             raise ValueError(f"the law's memory is that after tick {self._committed.tick}; it does not go back")

@@ -12,6 +12,7 @@ from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
 from etac_ros.maths.noise import normals, stream_key
 from etac_ros.modules.contract import Context, Module, Outputs, Window
+from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.periodic import Periodic
 from etac_ros.triggers.rule import TriggerRule
@@ -127,8 +128,19 @@ class Sensor(Module):
         self.held_tick = tick
         return {"signal": self.held}
 
-    def watched(self, window: Window) -> FloatArray:
+    @property
+    def watched_label(self) -> str:
+        """Symbol of the signal."""
+        return self.signal.label
+
+    @property
+    def watched_unit(self) -> str:
+        """Unit of the signal; empty where it does not say."""
+        return str(getattr(self.signal, "unit", ""))
+
+    def watched(self, window: Window | None, heard: Heard = NOTHING) -> FloatArray:
         """What the trigger rule is shown of each sample, through noise and low-pass filter."""
+        assert window is not None
         return self._signals(window)[0]
 
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:

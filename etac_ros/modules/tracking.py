@@ -12,9 +12,13 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.laws.law import ModalLaw, RelativeSignal, TickArray, TimedLaw, WatchedLaw
-from etac_ros.modules.contract import Bag, Context, Module, Outputs
+from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
+from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
+
+# Rows of a watched law begin with its torque.
+_TORQUE, _TORQUE_UNIT = "τ", "N m"
 
 
 class TimedController(Module):
@@ -102,6 +106,8 @@ class RelativeSensor(Module):
     components = ("measurement", "law", "trigger")
     passive = True
     triggers = "signal"
+    watched_label = _TORQUE
+    watched_unit = _TORQUE_UNIT
 
     def __init__(
         self,
@@ -136,9 +142,15 @@ class RelativeSensor(Module):
         self._decision.hold(self.held_by(sent, tick), tick)
         return {"signal": sent}
 
-    def watched(self, states: FloatArray, torques: FloatArray, ticks: TickArray) -> FloatArray:
-        """What the trigger rule is shown of samples with the leader's torques of the same ticks."""
-        return self.law.watched(self.measurement.evaluate(np.ascontiguousarray(states), torques, ticks), ticks)
+    def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
+        """What the trigger rule is shown of each sample with the leader's torque of the same tick."""
+        assert window is not None
+        torques = _newest(heard, window.start, window.last)
+        if torques is None:
+            return None
+        ticks = np.arange(window.start, window.last + 1, dtype=np.int64)
+        measured = self.measurement.evaluate(np.ascontiguousarray(window.samples), torques, ticks)
+        return self.law.watched(measured, ticks)
 
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
         """The torque that the follower holds after a message: its value, or the law on what came off the wire."""
@@ -163,9 +175,12 @@ class TriggeredController(Module):
     components = ("law", "trigger")
     passive = True
     triggers = "command"
+    watched_label = _TORQUE
+    watched_unit = _TORQUE_UNIT
 
     def __init__(self, context: Context, parameters: Parameters, law: WatchedLaw, trigger: TriggerRule) -> None:
         super().__init__(context)
+        self.trigger = trigger
         self.inputs = {"signal": law.signal_size}
         self.outputs = {"command": law.command_size}
         self._law = law
@@ -181,6 +196,16 @@ class TriggeredController(Module):
         held = self._wire.rounded(watched[0, : self._wire.size])
         self._decision.hold(held, tick)
         return {"command": held}
+
+    def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
+        """What the trigger rule is shown at each tick, if something arrives at each."""
+        last = max(heard, default=-1)
+        signals = _newest(heard, 0, last)
+        return None if signals is None else self._law.watched(signals, np.arange(last + 1, dtype=np.int64))
+
+    def held_by(self, value: FloatArray, tick: int) -> FloatArray:
+        """The torque that is held after a message: its value."""
+        return value
 
 
 class ModalControllerParameters(Parameters):
@@ -228,6 +253,13 @@ class ModalController(Module):
 def _row(values: FloatArray) -> FloatArray:
     """One sample as a contiguous array of one row: laws have one formula for windows and for single samples."""
     return np.ascontiguousarray(values[np.newaxis, :])
+
+
+def _newest(heard: Heard, first: int, last: int) -> FloatArray | None:
+    """The newest value of each tick, a row each; None where there is a tick without one."""
+    if last < first or any(tick not in heard for tick in range(first, last + 1)):
+        return None
+    return np.array([heard[tick][-1].value for tick in range(first, last + 1)])
 
 
 def _now(tick: int | None) -> TickArray:

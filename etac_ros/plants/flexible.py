@@ -257,6 +257,7 @@ class Flexible:
     noise_width = 6
     attitude_slice = ATTITUDE
     rate_slice = RATE
+    modes_slice = MODES
 
     def __init__(self, parameters: FlexibleParameters, ticks_per_second: int) -> None:
         self._parameters = parameters

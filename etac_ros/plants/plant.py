@@ -80,6 +80,19 @@ def watches_of(plant: Plant, states: FloatArray) -> tuple[Watch, ...]:
     return () if watches is None else tuple(watches(states))
 
 
+class ElasticPlant(Plant, Protocol):
+    """A plant with elastic modes. A plant without them is just a :class:`Plant`."""
+
+    modes_slice: slice
+    """Where the modal coordinates, without their rates, stand in the state; ``labels`` has their names and units."""
+
+
+def modes_slice_of(plant: Plant) -> slice:
+    """Where a plant's modal coordinates stand in its state; an empty slice where it has none."""
+    found: slice = getattr(plant, "modes_slice", slice(0, 0))
+    return found
+
+
 @dataclass(frozen=True)
 class Body:
     """One body of a plant, as reports show it.

@@ -103,7 +103,7 @@ PM_ATTITUDE = slice(0, 4)
 PM_RATE = slice(4, 7)
 RELATIVE_ATTITUDE = slice(7, 11)
 RELATIVE_RATE = slice(11, 14)
-MODES = slice(14, 20)
+MODES = slice(14, 17)
 STATES = 20
 
 # Layout of the kernel's parameter vector; matrices row by row.
@@ -366,6 +366,7 @@ class PmSm:
     noise_width = 12
     attitude_slice = RELATIVE_ATTITUDE
     rate_slice = RELATIVE_RATE
+    modes_slice = MODES
 
     def __init__(self, parameters: PmSmParameters, ticks_per_second: int) -> None:
         self._parameters = parameters

@@ -36,10 +36,14 @@ _J, _J_INVERSE, _CONSTANT, _SINE, _COSINE, _FREQUENCY = 0, 9, 18, 21, 24, 27
 
 
 @inlined
-def _derivative(t, state, torque, p, rate):  # type: ignore[no-untyped-def]
+def _drive(t, p):  # type: ignore[no-untyped-def]
+    return np.sin(p[_FREQUENCY] * t), np.cos(p[_FREQUENCY] * t)
+
+
+@inlined
+def _derivative(drive, state, torque, p, rate):  # type: ignore[no-untyped-def]
     w0, w1, w2 = state[4], state[5], state[6]
-    sine = np.sin(p[_FREQUENCY] * t)
-    cosine = np.cos(p[_FREQUENCY] * t)
+    sine, cosine = drive
     h0 = p[_J + 0] * w0 + p[_J + 1] * w1 + p[_J + 2] * w2
     h1 = p[_J + 3] * w0 + p[_J + 4] * w1 + p[_J + 5] * w2
     h2 = p[_J + 6] * w0 + p[_J + 7] * w1 + p[_J + 8] * w2
@@ -57,7 +61,7 @@ def _project(state):  # type: ignore[no-untyped-def]
     normalise(state[0:4])
 
 
-_propagate = propagator(_derivative, _project)
+_propagate = propagator(_derivative, _project, _drive)
 
 
 class Disturbance(Parameters):

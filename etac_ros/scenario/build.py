@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.maths.ticks import whole_ticks
 from etac_ros.modules.actuator import Actuator
 from etac_ros.modules.channel import Channel
 from etac_ros.modules.contract import Context, Module
@@ -225,8 +227,27 @@ def _link(
         wire = Wire(_format(section, run), size)
     except ValueError as error:
         raise ScenarioError(f"{where}.wire", str(error)) from None
-    channel = Channel(run.seed, name, section.delay_ticks, section.loss)
+    outages = _outages(section, receivers, run.ticks_per_second, f"{where}.outages")
+    channel = Channel(run.seed, name, section.delay_ticks, section.loss, outages)
     return Link(name, topic, section.kind, sender, port, receivers, wire, channel)
+
+
+def _outages(
+    section: LinkSection, receivers: Mapping[str, str], ticks_per_second: int, where: str
+) -> dict[str, tuple[tuple[int, int], ...]]:
+    found = {}
+    for name, times in section.outages.items():
+        node = "/" + name.strip("/")
+        if node not in receivers:
+            raise ScenarioError(where, f"{node} does not receive this link", choice(node, receivers))
+        if not times or len(times) % 2 or any(b <= a for a, b in pairwise(times)) or times[0] < 0.0:
+            raise ScenarioError(f"{where}.{name}", f"found {list(times)}", "[from, until, ...] in seconds, ascending")
+        try:
+            ticks = [0 if time == 0.0 else whole_ticks(time, ticks_per_second) for time in times]
+        except ValueError as error:
+            raise ScenarioError(f"{where}.{name}", str(error)) from None
+        found[node] = tuple(zip(ticks[::2], ticks[1::2], strict=True))
+    return found
 
 
 def _port(wanted: str, ports: Mapping[str, int], where: str, what: str) -> str:

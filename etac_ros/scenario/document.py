@@ -196,6 +196,12 @@ def with_override(sections: Tree, assignment: str, run_keys: Collection[str]) ->
     return result, key, value
 
 
+def has_place(sections: Tree, assignment: str, run_keys: Collection[str]) -> bool:
+    """Whether a ``key=value`` concerns a node that is there, or a key of the ``/**`` section."""
+    first = assignment.partition("=")[0].strip().split(".")[0]
+    return _node(first, sections) is not None or first in run_keys
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """The nearest valid name, or an empty text."""
     found = difflib.get_close_matches(name, [str(candidate) for candidate in candidates], n=1, cutoff=0.5)

@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import (
     EVERYWHERE,
     Tree,
+    has_place,
+    merged,
     nearest,
     read_sections,
     variants_of,
@@ -28,9 +30,11 @@ from etac_ros.scenario.document import (
     write_sections,
 )
 from etac_ros.scenario.faults import field_names
-from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
+from etac_ros.scenario.formation import FORMATION, expanded
+from etac_ros.scenario.schema import NodeSection, Published, PublishedFigure, RunSection
+from etac_ros.scenario.values import with_value
 
-_RUN_KEYS = field_names(RunSection)
+_RUN_KEYS = [*field_names(RunSection), FORMATION]
 _NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -78,17 +82,51 @@ class Scenario:
     def text(self) -> str:
         """The complete parameter file of this run."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare"})
+        if not everywhere["perturb"]:
+            del everywhere["perturb"]
         return write_sections({EVERYWHERE: everywhere, **self.nodes})
 
     @property
     def digest(self) -> str:
         """Digest of everything that bears on the result: processes compare it before they run together."""
         everywhere = self.run.model_dump(
-            mode="json", by_alias=True, exclude={"published", "title", "baseline", "compare", "windows", "variant"}
+            mode="json",
+            by_alias=True,
+            exclude={"published", "title", "baseline", "compare", "windows", "variant", "perturb"},
         )
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+    def with_values(self, values: Mapping[str, Any], seed: int) -> Scenario:
+        """This scenario with other values of its nodes and another seed, without reading its file again.
+
+        Parameters
+        ----------
+        values
+            By NODE.KEY, as behind ``--set``. Each replaces one that is there.
+        seed
+            Of the noise and the lossy links.
+
+        Returns
+        -------
+        Scenario
+            Its values are as long unchecked as it is not built.
+
+        Raises
+        ------
+        ScenarioError
+            If a key is not there.
+        """
+        nodes = self.nodes
+        for key, value in values.items():
+            nodes = with_value(nodes, key, value, str(self.path))
+        return replace(
+            self,
+            run=self.run.model_copy(update={"seed": seed}),
+            nodes=nodes,
+            overrides={**self.overrides, **values, "seed": seed},
+        )
 
     def build(self) -> Graph:
         """A fresh graph of this scenario's modules."""
@@ -147,12 +185,32 @@ def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -
     path = find(name)
     sections = read_sections(path)
     if variant is not None:
-        sections = with_variant(sections, variant, str(path), _RUN_KEYS)
+        sections = _with_own_figures(sections, with_variant(sections, variant, str(path), _RUN_KEYS), variant, path)
+    # What concerns a template or the formation itself comes first; then every spacecraft has nodes of its own.
+    templates = [assignment for assignment in overrides if has_place(sections, assignment, _RUN_KEYS)]
     changed: dict[str, Any] = {}
-    for assignment in overrides:
+    for assignment in templates:
+        sections, key, value = with_override(sections, assignment, _RUN_KEYS)
+        changed[key] = value
+    sections = expanded(sections, str(path))
+    for assignment in (assignment for assignment in overrides if assignment not in templates):
         sections, key, value = with_override(sections, assignment, _RUN_KEYS)
         changed[key] = value
     return _validated(sections, path, variant, changed)
+
+
+def _with_own_figures(file: Tree, laid: Tree, variant: str, path: Path) -> Tree:
+    """The sections of a variant without the figures that the paper publishes for the file as it stands.
+
+    Only a variant that changes nothing keeps them; every other has its own or none.
+    """
+    block = variants_of(file, str(path))[variant]
+    published = file[EVERYWHERE].get("published")
+    if not block or not isinstance(published, dict):
+        return laid
+    kept = {key: value for key, value in published.items() if key in field_names(Published)}
+    own = merged(kept, block.get("published") or {})
+    return {**laid, EVERYWHERE: {**laid[EVERYWHERE], "published": own}}
 
 
 def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mapping[str, Any]) -> Scenario:
@@ -161,8 +219,6 @@ def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mappi
     everywhere.pop("variants", None)
     if variant is not None:
         everywhere["variant"] = variant
-    if isinstance(everywhere.get("published"), dict):  # null in a variant takes a figure away
-        everywhere["published"] = {key: value for key, value in everywhere["published"].items() if value is not None}
     run = validated(RunSection, everywhere, f"{path}: {EVERYWHERE}")
     try:
         whole_ticks(run.duration_s, run.ticks_per_second)

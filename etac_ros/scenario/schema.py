@@ -17,7 +17,7 @@ from pydantic import (
 
 from etac_ros.modules.graph import LinkKind
 from etac_ros.modules.wire import WireFormat
-from etac_ros.parameters import Parameters
+from etac_ros.parameters import Parameters, exactly_one
 
 
 def _network_wire(value: WireFormat) -> WireFormat:
@@ -39,6 +39,9 @@ class LinkSection(Parameters):
     wire: LinkWire | None = Field(default=None, description="default: the scenario's wire")
     delay_ticks: NonNegativeInt = 0
     loss: float = Field(default=0.0, ge=0.0, lt=1.0)
+    outages: dict[str, tuple[FiniteFloat, ...]] = Field(
+        default={}, description="by receiving node: [from, until, ...] in seconds, when nothing gets through"
+    )
 
 
 class WindowSection(Parameters):
@@ -129,6 +132,24 @@ class Published(Parameters):
         return self.__pydantic_extra__
 
 
+class Perturbation(Parameters):
+    """How a value of a node is drawn anew for each run of a sweep, around what the scenario says.
+
+    ``normal`` and ``uniform`` are added to a number, or to each number of a list.
+    """
+
+    normal: PositiveFloat | None = Field(default=None, description="standard deviation, in the value's unit")
+    uniform: PositiveFloat | None = Field(default=None, description="half width, in the value's unit")
+    rotation_deg: PositiveFloat | None = Field(
+        default=None, description="standard deviation of a body-fixed rotation about each axis, for an attitude [deg]"
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Perturbation:
+        exactly_one(self, "normal", "uniform", "rotation_deg")
+        return self
+
+
 class RunSection(Parameters):
     """The section ``/**``: what concerns the whole run."""
 
@@ -146,6 +167,9 @@ class RunSection(Parameters):
     baseline: str | None = None
     compare: tuple[str, ...] = Field(default=(), description="variants that `etac compare` shows beside each other")
     variant: str | None = Field(default=None, description="written by `etac resolve`: which variant this is")
+    perturb: dict[str, Perturbation | None] = Field(
+        default={}, description="what `etac sweep` draws anew for each run, by NODE.KEY; null draws nothing"
+    )
     published: Published = Published()
 
 

@@ -109,6 +109,8 @@ class TimeMaster:
             report = self._granted.pop(name)
             del self._proposals[name]
             self._note(name, report, tick, 0, bags)
+            if self._graph.modules[name].concludes:
+                bags.setdefault(name, [])
         step = 1
         while bags:
             if step > _MOST_STEPS_A_TICK:
@@ -139,7 +141,7 @@ class TimeMaster:
             self.ledger.append(Transit(name, message.sequence, tick, step))
             when = tick + link.channel.delay_ticks
             for receiver in link.receivers:
-                if link.channel.loses(receiver, message.sequence):
+                if link.channel.loses(receiver, message.sequence, tick):
                     continue
                 if when == tick:
                     bags.setdefault(receiver, []).append(message)

@@ -105,7 +105,7 @@ class ModuleStation(Station):
 
     def _on_message(self, link: Link, message: Any, sequence: int) -> None:
         identity = MessageId(link.name, sequence)
-        if not link.channel.loses(self.name, sequence):
+        if not link.channel.drops(self.name, sequence):
             self._inbox[identity] = decode(message)
             if self._acts_on_arrival:
                 stamp = stamp_ns(message)

@@ -300,7 +300,7 @@ def _arrivals(graph: Graph, recording: Recording, plant: str, port: str) -> Mapp
             continue
         delay = link.channel.delay_ticks
         for message in recording.messages[link.name]:
-            if not link.channel.loses(plant, message.sequence):
+            if not link.channel.loses(plant, message.sequence, message.tick):
                 # Whatever comes late comes in the first step of its tick, whichever step it was sent in.
                 arrived = message.tick + delay, 0 if delay else message.step
                 bags.setdefault(arrived, []).append(message.value)

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from etac_ros.report.figures.data import Curve
-from etac_ros.report.figures.decimate import decimated
-from etac_ros.report.figures.style import BUCKETS, Theme, prefixed
+from etac_ros.report.figures.style import Theme
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ROW_IN = 2.15
 _LEGEND_IN = 0.5
+_FEW_ROWS = 2
+_TALL_IN, _LOW_IN = 2.15, 1.65
+_LETTERS_AN_INCH = 11.0
+
+Style = Mapping[str, Any]
+"""How a line is drawn, in matplotlib's words."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class Panel:
     """One pair of axes and the span of time that it shows."""
 
     axes: Axes
-    row: str
+    row: int
     start_s: float
     end_s: float
 
@@ -38,86 +43,85 @@ class Panel:
         """What this panel shows of a staircase: what held at its start goes on until the next step."""
         first = max(int(np.searchsorted(curve.times_s, self.start_s, side="right")) - 1, 0)
         last = int(np.searchsorted(curve.times_s, self.end_s, side="left")) + 1
+        if curve.times_s[-1] < self.start_s:
+            return Curve(curve.times_s[:0], curve.values[:0])
         times = np.clip(curve.times_s[first:last], self.start_s, self.end_s)
         return Curve(times, curve.values[first:last])
 
 
+def row_in(rows: int) -> float:
+    """Height of each row of a figure of so many [in]."""
+    return _TALL_IN if rows <= _FEW_ROWS else _LOW_IN
+
+
 def height_in(rows: int) -> float:
     """Height of a figure of so many rows [in]."""
-    return _LEGEND_IN + rows * ROW_IN
+    return _LEGEND_IN + rows * row_in(rows)
 
 
 def panel_grid(figure: Figure, rows: Sequence[str], view: View) -> list[Panel]:
-    """Make one row of panels for each name: transient and steady state, or one for all if they are not apart.
+    """Make a row of panels for each name: transient and steady state, or one for all if they are not apart.
 
     Parameters
     ----------
     figure
         Empty.
     rows
-        Names; they are written on the panels where there is more than one.
+        Names that are written on the panels where there is more than one; an empty one is not.
     view
         Knows where the transient ends.
     """
-    end_s, cut_s = view.run.end_s, view.cut_s
-    spans = [(0.0, end_s)] if cut_s is None else [(0.0, cut_s), (cut_s, end_s)]
+    cut_s = view.cut_s
+    spans = [(0.0, view.end_s)] if cut_s is None else [(0.0, cut_s), (cut_s, view.end_s)]
     grid = figure.subplots(len(rows), len(spans), squeeze=False, sharex="col", width_ratios=[1.0, 1.12][: len(spans)])
     panels = []
     for row, name in enumerate(rows):
         for column, (start_s, stop_s) in enumerate(spans):
             axes = grid[row, column]
             axes.set_xlim(start_s, stop_s)
-            words = [name] if len(rows) > 1 else []
-            if cut_s is not None:
+            words = [name] if len(rows) > 1 and name else []
+            if cut_s is not None and (row == 0 or name):
                 words.append("transient" if column == 0 else "steady state")
             if words:
                 axes.set_title(", ".join(words))
             if row == len(rows) - 1:
                 axes.set_xlabel("time [s]")
-            panels.append(Panel(axes, name, start_s, stop_s))
+            panels.append(Panel(axes, row, start_s, stop_s))
     return panels
 
 
-def draw_axes_of(panel: Panel, curve: Curve, label: str, unit: str, theme: Theme, beside: Curve | None = None) -> None:
-    """Draw the columns of a dense curve, and dashed those of another run, in a unit that suits them."""
-    part = panel.part(curve)
-    behind = None if beside is None else panel.part(beside)
-    shown = [part] if behind is None else [part, behind]
-    largest = max(float(np.abs(some.values).max()) for some in shown if some.values.size)
-    factor, unit = prefixed(unit, largest)
-    if behind is not None:
-        for column in range(behind.values.shape[1]):
-            panel.axes.plot(
-                *decimated(behind.times_s, factor * behind.values[:, column], BUCKETS),
-                color=theme.colour(column),
-                linewidth=0.9,
-                linestyle=(0, (4, 2)),
-                alpha=0.65,
-            )
-    for column in range(part.values.shape[1]):
-        panel.axes.plot(*decimated(part.times_s, factor * part.values[:, column], BUCKETS), color=theme.colour(column))
-    panel.axes.axhline(0.0, color=theme.muted, linewidth=0.5, zorder=1.5)
-    panel.axes.set_ylabel(f"{label} [{unit}]")
+def axis_label(words: str, unit: str, height_in: float) -> str:
+    """What a vertical axis is called, in lines that are not longer than the axis is high."""
+    # A number stays with its unit, and a unit in one piece.
+    text = f"{words} [{unit}]".replace(f"[{unit}]", f"[{unit}]".replace(" ", "\u00a0")) if unit else words
+    return textwrap.fill(text, int(_LETTERS_AN_INCH * height_in), break_long_words=False, break_on_hyphens=False)
 
 
-def key(
-    place: Figure | Axes,
-    theme: Theme,
-    names: Sequence[str],
-    colours: Sequence[str] | None = None,
-    dashed: str = "",
-) -> None:
-    """Put a legend above all panels, or into the corner of one; ``dashed`` names the run so drawn."""
+def key(place: Figure | Axes, names: Sequence[str], styles: Sequence[Style]) -> None:
+    """Put a legend above all panels, or above one to the right; none where there is only one line."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    colours = colours or [theme.colour(number) for number in range(len(names))]
-    handles = [
-        Line2D([], [], color=colour, linewidth=1.6, label=name) for name, colour in zip(names, colours, strict=True)
-    ]
-    if dashed:
-        handles.append(Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 2)), label=dashed))
+    handles = [Line2D([], [], label=name, **style) for name, style in zip(names, styles, strict=True)]
+    if len(handles) < 2:
+        return
     if isinstance(place, Figure):
-        place.legend(handles=handles, loc="outside upper left", ncols=len(handles))
+        place.legend(handles=handles, loc="outside upper left", ncols=_columns(names))
     else:
-        place.legend(handles=handles, loc="upper right", ncols=len(handles))
+        place.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
+
+
+def run_key(place: Figure | Axes, view: View, theme: Theme) -> None:
+    """The legend that tells the runs of a view."""
+    key(place, view.labels, [theme.run_style(number) for number in range(len(view.labels))])
+
+
+def column_styles(theme: Theme, count: int) -> list[Style]:
+    """Styles of the curves of one panel where one run is shown."""
+    return [{"color": theme.colour(number), "linewidth": 1.1} for number in range(count)]
+
+
+def _columns(names: Sequence[str]) -> int:
+    """As many entries a line as surely fit the width of a figure."""
+    longest = max(len(name) for name in names)
+    return max(1, min(len(names), 88 // (longest + 7)))

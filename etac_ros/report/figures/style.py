@@ -20,6 +20,11 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FEW_DECADES = 100.0
 BUCKETS = 1100
 """Pixel columns of a panel at most: what a curve is thinned out to."""
+_DASHES = ((5.0, 1.6), (1.4, 1.2), (6.0, 1.4, 1.2, 1.4), (2.8, 1.2))
+_PREFIXES = {-3: "m", -6: "µ", -9: "n"}
+_TAKES_PREFIX = ("deg", "rad", "N m", "N", "m", "s")
+"""What a unit begins with to which a prefix can be put: of a square or a root it would mean something else."""
+_READS_WELL = (0.05, 1e5)
 
 
 @dataclass(frozen=True)
@@ -33,8 +38,8 @@ class Theme:
     axes
         The three axes of a vector, or curves in their order. Chosen apart in lightness, too, so that they can
         be told in grey and with any colour vision.
-    this, other, limit
-        The reported run, whatever is laid beside it, and thresholds.
+    this, others, limit
+        The reported run, those that are laid beside it, and thresholds.
     """
 
     name: str
@@ -44,12 +49,23 @@ class Theme:
     grid: str
     axes: tuple[str, ...]
     this: str
-    other: str
+    others: tuple[str, ...]
     limit: str
 
     def colour(self, number: int) -> str:
         """Colour of the curve with this number, counted from 0."""
         return self.axes[number % len(self.axes)]
+
+    def run_style(self, number: int) -> dict[str, Any]:
+        """Colour, dashes and width of a run: 0 is the reported one, whose line is solid and wide.
+
+        Twelve runs beside it can be told from each other: 3 colours and 4 dashes have no common factor.
+        """
+        if number == 0:
+            return {"color": self.this, "linestyle": "solid", "linewidth": 1.7}
+        place = number - 1
+        colour, dashes = self.others[place % len(self.others)], _DASHES[place % len(_DASHES)]
+        return {"color": colour, "linestyle": (0, dashes), "linewidth": 1.1}
 
 
 LIGHT = Theme(
@@ -60,7 +76,7 @@ LIGHT = Theme(
     grid="#e3e7ec",
     axes=("#0b3f91", "#cf5a0c", "#1fa187", "#8a6fd1"),
     this="#0b4fae",
-    other="#7a8593",
+    others=("#cf5a0c", "#1fa187", "#8a6fd1"),
     limit="#c0392b",
 )
 DARK = Theme(
@@ -71,7 +87,7 @@ DARK = Theme(
     grid="#2c343f",
     axes=("#6fb1ff", "#ff9a4d", "#58d6bd", "#c3aef7"),
     this="#6fb1ff",
-    other="#98a2b0",
+    others=("#ff9a4d", "#58d6bd", "#c3aef7"),
     limit="#ff8577",
 )
 
@@ -202,10 +218,15 @@ def _settings(theme: Theme) -> dict[str, Any]:
 
 
 def prefixed(unit: str, largest: float) -> tuple[float, str]:
-    """A factor and a unit with which a value of this size reads well, for instance 1000 and ``mN m``."""
-    if not 0.0 < largest < 0.05:
+    """A factor and a unit with which a value of this size reads well: 1000 and ``mN m``, or 1000 and ``10⁻³ √kg m``."""
+    low, high = _READS_WELL
+    if not 0.0 < largest < math.inf or low <= largest < high:
         return 1.0, unit
-    return (1e3, f"m{unit}") if largest >= 5e-5 else (1e6, f"µ{unit}")
+    exponent = 3 * math.floor(math.log10(largest) / 3.0)
+    first = unit.split("/")[0]
+    if exponent in _PREFIXES and first in _TAKES_PREFIX:
+        return 10.0**-exponent, f"{_PREFIXES[exponent]}{unit}"
+    return 10.0**-exponent, f"{power_of_ten(exponent)} {unit}".strip()
 
 
 def power_of_ten(exponent: int) -> str:

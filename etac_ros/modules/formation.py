@@ -1,0 +1,185 @@
+"""The sensor module of one spacecraft of a formation: it knows its neighbours by what they broadcast.
+
+Triggering instants are decided on what was known before this tick's messages. Who fires broadcasts, and then forms its
+signal with the messages of this very tick in it (xie2021, remark 3: it "broadcasts ... and obtains"): the module is one
+that concludes (see :class:`~etac_ros.modules.contract.Module`).
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, NonNegativeInt
+
+from etac_ros.laws.law import TickArray
+from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.rule import TriggerRule
+
+_REQUEST = np.array([1.0])
+
+
+class NeighbourSignal(Protocol):
+    """A signal that the neighbours' states are part of."""
+
+    Parameters: ClassVar[type[Parameters]]
+    size: int
+    """Number of components."""
+    broadcast_size: int
+    """Components of what the neighbours are told."""
+    neighbours: int
+    """How many neighbours are listened to."""
+    label: str
+    """Symbol in the paper, for plots."""
+
+    def broadcast(self, states: FloatArray) -> FloatArray:
+        """What the neighbours are told of each state, shape (n, broadcast_size)."""
+        ...
+
+    def evaluate(
+        self, states: FloatArray, tick: int, known: FloatArray, known_ticks: TickArray, heard: npt.NDArray[np.bool_]
+    ) -> FloatArray:
+        """Signal of the states at ``tick, tick + 1, ...`` with what is known of the neighbours, shape (n, size)."""
+        ...
+
+
+class Exchange(StrEnum):
+    """When the neighbours' states are exchanged."""
+
+    BROADCAST = "broadcast"
+    """Each spacecraft broadcasts its own at its own triggering instants."""
+    CONTINUOUS = "continuous"
+    """At every tick: an idealisation, which costs a message a tick."""
+    PULL = "pull"
+    """As broadcast; besides, who triggers asks its neighbours, and they reply to it alone."""
+
+
+class FormationSensorParameters(Parameters):
+    """Parameters of :class:`FormationSensor` beside its signal and its trigger rule."""
+
+    neighbours: tuple[str, ...] = Field(default=(), description="names of the input ports, in the order of the weights")
+    listeners: tuple[str, ...] = Field(default=(), description="who may ask; only where states are pulled")
+    exchange: Exchange = Exchange.BROADCAST
+    reply_within_ticks: NonNegativeInt = Field(default=0, description="how long a reply is waited for")
+
+
+class FormationSensor(Module):
+    """Measures, listens, triggers, broadcasts, and hands its controller the signal.
+
+    Parameters
+    ----------
+    context
+        Its plant, and the wire formats.
+    parameters
+        Who is heard, who listens, and how states are exchanged.
+    signal
+        What is formed of the own state and the neighbours'.
+    trigger
+        When it fires; the first sample always does.
+    """
+
+    Parameters = FormationSensorParameters
+    components = ("signal", "trigger")
+    triggers = "feedback"
+    concludes = True
+
+    def __init__(
+        self, context: Context, parameters: FormationSensorParameters, signal: NeighbourSignal, trigger: TriggerRule
+    ) -> None:
+        super().__init__(context)
+        if context.plant is None:
+            raise ValueError("a formation's sensor needs a plant, named by the key 'reads'")
+        if len(parameters.neighbours) != signal.neighbours:
+            raise ValueError(
+                f"the signal has weights for {signal.neighbours} neighbours, and {len(parameters.neighbours)} are named"
+            )
+        self.signal = signal
+        self.trigger = trigger
+        self._own = parameters
+        self._pulls = parameters.exchange is Exchange.PULL
+        size = signal.broadcast_size
+        self.inputs = dict.fromkeys(parameters.neighbours, size)
+        self.outputs = {"state": size, "feedback": signal.size}
+        self._places = {name: place for place, name in enumerate(parameters.neighbours)}
+        if self._pulls:
+            self.inputs |= {f"reply_{name}": size for name in parameters.neighbours}
+            self.inputs |= {f"asked_{name}": _REQUEST.size for name in parameters.listeners}
+            self.outputs |= {f"reply_{name}": size for name in parameters.listeners}
+            self.outputs["request"] = _REQUEST.size
+            self._places |= {f"reply_{name}": place for place, name in enumerate(parameters.neighbours)}
+        self._known: FloatArray = np.zeros((signal.neighbours, size))
+        self._known_ticks: TickArray = np.zeros(signal.neighbours, dtype=np.int64)
+        self._heard = np.zeros(signal.neighbours, dtype=np.bool_)
+        self._held: FloatArray | None = None
+        self._held_tick: int | None = None
+        self._fired_at: int | None = None
+        self._waits = False
+
+    def scan(self, window: Window | None, after: int) -> int | None:
+        """First tick at which the trigger rule holds, or at which no reply is waited for any more."""
+        assert window is not None
+        if after >= window.last:
+            return None
+        if self._own.exchange is Exchange.CONTINUOUS:
+            return after + 1
+        if self._waits:
+            assert self._fired_at is not None
+            until = max(after, self._fired_at + self._own.reply_within_ticks) + 1
+            return until if until <= window.last else None
+        return self._first(window.samples[after + 1 - window.start :], after + 1)
+
+    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
+        """Tell the neighbours, and ask them if states are pulled; the signal follows within the tick."""
+        assert sample is not None
+        row = np.ascontiguousarray(sample[np.newaxis, :])
+        if self._waits:  # for replies that were lost
+            return {"feedback": self._form(tick, row)}
+        outputs = {"state": self.wire("state").rounded(self.signal.broadcast(row)[0])}
+        if self._own.exchange is Exchange.CONTINUOUS and self._first(row, tick) is None:
+            return outputs
+        self._fired_at = tick
+        self._waits = True
+        if self._pulls:
+            outputs["request"] = _REQUEST
+        return outputs
+
+    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+        """Take in what the neighbours say, reply to who asks, and conclude a triggering instant."""
+        assert tick is not None
+        assert sample is not None
+        row = np.ascontiguousarray(sample[np.newaxis, :])
+        outputs: dict[str, FloatArray] = {}
+        replied = False
+        for arrival in bag:
+            if arrival.port in self._places:
+                place = self._places[arrival.port]
+                self._known[place] = arrival.value
+                self._known_ticks[place] = tick
+                self._heard[place] = True
+                replied |= arrival.port.startswith("reply_")
+            else:
+                port = arrival.port.replace("asked_", "reply_", 1)
+                outputs[port] = self.wire(port).rounded(self.signal.broadcast(row)[0])
+        if self._waits and (replied or not self._pulls or not self._places):
+            outputs["feedback"] = self._form(tick, row)
+        return outputs
+
+    def _form(self, tick: int, row: FloatArray) -> FloatArray:
+        """Form the signal with all that is known now, and hold it for the trigger rule as it is on the wire."""
+        self._waits = False
+        self._held = self.wire("feedback").rounded(self._signals(row, tick)[0])
+        self._held_tick = tick
+        return self._held
+
+    def _first(self, samples: FloatArray, tick: int) -> int | None:
+        if self._held is None:
+            return tick
+        index = self.trigger.first(self._signals(samples, tick), tick, self._held, self._held_tick)
+        return None if index < 0 else tick + index
+
+    def _signals(self, samples: FloatArray, tick: int) -> FloatArray:
+        contiguous = np.ascontiguousarray(samples)
+        return self.signal.evaluate(contiguous, tick, self._known, self._known_ticks, self._heard)
