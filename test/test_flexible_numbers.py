@@ -25,7 +25,7 @@ from etac_ros.plants.flexible import Flexible, FlexibleParameters
 from etac_ros.plants.plant import Plant, WatchedPlant
 from etac_ros.runs import Run, run_in_process
 from etac_ros.scenario.load import load
-from etac_ros.traffic import Triggers
+from etac_ros.traffic import Triggers, with_measured
 
 GRID = 100
 J0 = np.array([[350.0, 3.0, 4.0], [3.0, 270.0, 10.0], [4.0, 10.0, 190.0]])  # eq. (74)
@@ -141,12 +141,13 @@ def test_counts_are_the_papers_within_a_draw() -> None:
     assert 93 <= triggers("rho1e-4").count <= 113
 
 
-@pytest.mark.parametrize("variant", [None, "rho1e-6", "rho1e-5", "rho1e-4", "periodic"])
-def test_published_figures_are_met(variant: str | None) -> None:
-    summary = run(variant).summary
+@pytest.mark.parametrize("variant", [None, "rho1e-6", "rho1e-5", "rho1e-4", "periodic", "smc"])
+def test_published_figures_are_met_where_no_reason_stands_against_it(variant: str | None) -> None:
+    summary = with_measured(run(variant).summary, run("periodic").summary)
     assert summary.published
     for name, figure in summary.published.items():
-        assert figure.low <= summary.measured[name] <= figure.high, name
+        met = name in summary.measured and figure.low <= summary.measured[name] <= figure.high
+        assert met == (not figure.reason), name
 
 
 def test_energy_is_the_papers() -> None:

@@ -127,10 +127,10 @@ def test_rate_is_watched_on_each_axis() -> None:
     states = np.zeros((3, 7))
     states[:, 0] = 1.0
     states[1, 4:7] = [0.1, -0.45, 0.2]
-    (watch,) = watches_of(body(rate_limit_rad_s=0.4), states)
+    _, watch = watches_of(body(rate_limit_rad_s=0.4), states)
     assert (watch.name, watch.unit, watch.bound) == ("angular velocity", "rad/s", 0.4)
     assert watch.values.tolist() == states[:, 4:7].tolist()
-    assert watches_of(body(), states)[0].bound is None
+    assert watches_of(body(), states)[1].bound is None
 
 
 def test_sensors_add_their_errors() -> None:

@@ -86,12 +86,14 @@ class InProcess:
                 proposal = cell.look(after)
                 if proposal is None or proposal > grant:
                     return Report(proposal=proposal)
-                return Report(self._send(cell.fire(proposal)), proposal, fired=True, halt=cell.module.halt)
+                sent, concluded = self._act(cell, proposal, alone=True)
+                return Report(sent, proposal, fired=True, concluded=concluded, halt=cell.module.halt)
             case Deliver(_, tick, _, bag, _):
                 arrivals = tuple(self._arrival(order.module, message) for message in bag)
                 return Report(self._send(cell.receive(tick, arrivals)), halt=cell.module.halt)
-            case Fire(_, tick):
-                return Report(self._send(cell.fire(tick)), halt=cell.module.halt)
+            case Fire(_, tick, _, alone):
+                sent, concluded = self._act(cell, tick, alone)
+                return Report(sent, concluded=concluded, halt=cell.module.halt)
             case Open(plant, tick, length, _):
                 self._commit(plant, tick)
                 if halt := self._plant(plant).halt:
@@ -103,6 +105,10 @@ class InProcess:
             case Close(plant, tick):
                 self._commit(plant, tick)
                 return Report(halt=self._plant(plant).halt)
+
+    def _act(self, cell: Cell, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+        sent = self._send(cell.fire(tick))
+        return sent, self._send(cell.conclude(tick)) if alone and cell.module.concludes else None
 
     def _plant(self, name: str) -> PlantModule:
         module = self._graph.modules[name]

@@ -9,6 +9,8 @@ import numpy as np
 
 from etac_ros.parameters import FloatArray
 
+_NONE = np.empty((0, 0))
+
 
 class Message(NamedTuple):
     """One message of a link with its place in time."""
@@ -33,8 +35,15 @@ class Recording:
 
     messages: dict[str, list[Message]] = field(default_factory=dict)
     truth: dict[str, list[tuple[int, FloatArray]]] = field(default_factory=dict)
+    _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
+    """By plant: how many chunks there were when they were last joined, and all their samples."""
 
     def samples(self, plant: str) -> tuple[int, FloatArray]:
         """All committed samples of a plant: the tick of the first, and an array of shape (n, states)."""
         chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
-        return chunks[0][0], np.concatenate([samples for _, samples in chunks])
+        count, joined = self._joined.get(plant, (0, _NONE))
+        if count != len(chunks):
+            joined = np.concatenate([samples for _, samples in chunks])
+            joined.flags.writeable = False  # everybody who asks gets the same
+            self._joined[plant] = len(chunks), joined
+        return chunks[0][0], joined

@@ -37,4 +37,4 @@ class Actuator(Module):
 
     def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
         """The torque held from now on [N m]."""
-        return {"torque": np.clip(bag[-1].value, -self._limit, self._limit)}
+        return {"torque": np.minimum(np.maximum(bag[-1].value, -self._limit), self._limit)}

@@ -41,6 +41,10 @@ class Cell:
         self._advance(tick)
         return self._named(self.module.fire(tick, self._sample(tick)))
 
+    def conclude(self, tick: int) -> Sent:
+        """Let a module conclude that fired where nothing arrives."""
+        return self.receive(tick, ())
+
     def receive(self, tick: int | None, bag: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
         if tick is None or self.window is None:

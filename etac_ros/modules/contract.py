@@ -104,6 +104,9 @@ class Module:
 
     inputs: dict[str, int]
     outputs: dict[str, int]
+    fires_on: tuple[str, ...] | None = None
+    """Set by a module that sends one message on each of these output ports, and no others, whenever it fires, and on
+    the port ``triggers`` when it concludes alone: so an order to fire needs no report. It has no watches."""
     every: int | None = None
     """Set by a module that acts by itself at exactly the ticks that are multiples of this, sends one message on each
     connected output then, and takes nothing. Nobody needs to ask it, nor to hear from it."""

@@ -110,6 +110,8 @@ class FormationSensor(Module):
             self.outputs |= {f"reply_{name}": size for name in parameters.listeners}
             self.outputs["request"] = _REQUEST.size
             self._places |= {f"reply_{name}": place for place, name in enumerate(parameters.neighbours)}
+        if parameters.exchange is Exchange.BROADCAST:
+            self.fires_on = ("state",)
         self._known: FloatArray = np.zeros((signal.neighbours, size))
         self._known_ticks: TickArray = np.zeros(signal.neighbours, dtype=np.int64)
         self._heard = np.zeros(signal.neighbours, dtype=np.bool_)

@@ -132,8 +132,9 @@ class Manoeuvre:
         return seen
 
     def watches(self, states: FloatArray) -> tuple[Watch, ...]:
-        """The angular velocity on each axis: leaving its limit ends the run (eq. 6)."""
+        """The vector part of q_e, which section 4 quotes, and the angular velocity, whose limit ends the run (eq. 6)."""
         return (
+            Watch(name="attitude q_v", unit="1", values=states[:, 1:4], axes=("x", "y", "z"), bound=None),
             Watch(
                 name="angular velocity",
                 unit="rad/s",

@@ -54,6 +54,11 @@ class TimeMaster:
         self._link_place = {name: index for index, name in enumerate(graph.links)}
         self._plants = frozenset(graph.plants)
         self._lookers = frozenset(graph.lookers)
+        self._concluding = frozenset(
+            name
+            for name, module in graph.modules.items()
+            if module.concludes and not any(name in link.receivers for link in graph.sends[name])
+        )
         self._proposals: dict[str, int] = {}
         self._calendar: dict[int, dict[str, list[MessageId]]] = {}
         self._granted: dict[str, Report] = {}
@@ -101,29 +106,36 @@ class TimeMaster:
         due.sort(key=self._place.__getitem__)
         asked = [name for name in due if name not in self._granted]
         if asked:
-            reports = yield [Fire(name, tick, self._epoch(name)) for name in asked]
+            alone = len(due) == 1 and tick not in self._calendar and due[0] in self._concluding
+            reports = yield [Fire(name, tick, self._epoch(name), alone) for name in asked]
             self._granted.update(zip(asked, reports, strict=True))
         touched = set(due)
         bags: dict[str, list[MessageId]] = self._calendar.pop(tick, {})
+        concluded: dict[str, Report] = {}
         for name in due:
             report = self._granted.pop(name)
             del self._proposals[name]
             self._note(name, report, tick, 0, bags)
-            if self._graph.modules[name].concludes:
+            if report.concluded is not None:
+                concluded[name] = Report(report.concluded)
+            elif self._graph.modules[name].concludes:
                 bags.setdefault(name, [])
         step = 1
-        while bags:
+        while bags or concluded:
             if step > _MOST_STEPS_A_TICK:
                 raise self._endless(tick, bags)
-            orders = [
-                Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)), self._epoch(name))
-                for name in sorted(bags, key=self._place.__getitem__)
-            ]
-            reports = yield orders
-            bags = {}
-            for order, report in zip(orders, reports, strict=True):
-                touched.add(order.module)
-                self._note(order.module, report, tick, step, bags)
+            receivers = sorted(bags, key=self._place.__getitem__)
+            answers = concluded
+            if receivers:
+                reports = yield [
+                    Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)), self._epoch(name))
+                    for name in receivers
+                ]
+                answers = {**concluded, **dict(zip(receivers, reports, strict=True))}
+            bags, concluded = {}, {}
+            for name in sorted(answers, key=self._place.__getitem__):
+                touched.add(name)
+                self._note(name, answers[name], tick, step, bags)
             step += 1
         return touched
 
@@ -165,22 +177,40 @@ class TimeMaster:
         lookers = set(touched)
         for plant in renewed:
             lookers.update(self._lookers.intersection(self._graph.readers[plant]))
-        ordered = sorted(lookers, key=self._place.__getitem__)
-        for name in ordered:
+        for name in lookers:
             self._proposals.pop(name, None)
+        # Who still has its window says first when it acts, so that the others may get leave to act until then.
+        waiting = {name for name in lookers if self._graph.reads.get(name) in renewed}
+        settled = sorted(lookers - waiting, key=self._place.__getitem__)
+        if settled and waiting:
+            reports = yield [Look(name, tick, -1) for name in settled]
+            self._propose(settled, reports)
+        ordered = sorted(waiting or lookers, key=self._place.__getitem__)
         for plant in renewed:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
             first = max(tick, 0)
             self._proposals[plant] = min(first + self._lengths[plant], self._graph.end_tick)
-        grant = min(self._earliest(), self._graph.end_tick - 1) if len(ordered) == 1 else -1
+        grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
         reports = yield orders
         for plant, report in zip(renewed, reports, strict=False):
             self._halt(plant, report)
-        for name, report in zip(ordered, reports[len(renewed) :], strict=True):
+        self._propose(ordered, reports[len(renewed) :])
+
+    def _grant(self, module: str) -> int:
+        """Last tick up to which a module may act without asking; if it has to be alone then, one tick less."""
+        earliest = self._earliest() if self._proposals else self._graph.end_tick
+        return (
+            min(earliest, self._graph.end_tick) - 1
+            if module in self._concluding
+            else min(earliest, self._graph.end_tick - 1)
+        )
+
+    def _propose(self, modules: Sequence[str], reports: Sequence[Report]) -> None:
+        for name, report in zip(modules, reports, strict=True):
             if report.proposal is not None:
                 self._proposals[name] = report.proposal
                 if report.fired:

@@ -41,6 +41,8 @@ class Fire:
     tick: int
     epoch: int = 0
     """The window that the module has to see first; 0 if it reads no plant."""
+    alone: bool = False
+    """Nobody else acts at this tick, and nothing arrives: a module that concludes does so at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +79,8 @@ class Report:
     """After Look: the tick of the first own act."""
     fired: bool = False
     """After Look with a grant: the proposal has been acted on already, and ``sent`` tells what came of it."""
+    concluded: tuple[str, ...] | None = None
+    """Links on which a module that was alone has sent in the step after; None if it has not concluded yet."""
     halt: str = ""
     """A watch asks to end the run at this tick, and why."""
 

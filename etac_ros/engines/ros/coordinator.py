@@ -81,6 +81,7 @@ class CoordinatorStation(Station):
         self._ahead: dict[str, int | None] = {}
         self._early: dict[str, deque[Report]] = defaultdict(deque)
         self._dispatching = False
+        self._held_back: dict[str, list[Order]] = defaultdict(list)
         self._go: dict[str, Publisher] = {name: self.publisher(String, go_topic(name), 1) for name in plan.ordered}
         self._ledger = self.publisher(String, LEDGER, 1)
         self._start = self.publisher(String, START, 0, latched=True)
@@ -309,6 +310,9 @@ class CoordinatorStation(Station):
                 return self._early[module].popleft()
             case Look(module, after, grant) if not self.plan.reports(module):
                 return self._regular(module, after, grant)
+            case Fire(module) if graph.modules[module].fires_on is not None:
+                self._ahead.pop(module, None)
+                return self._fires(module, order.alone)
             case Fire(module) if not self.plan.reports(module):
                 return self._sends_all(module)
             case Look(module) if graph.reads.get(module) not in opened and module in self._ahead:
@@ -318,6 +322,15 @@ class CoordinatorStation(Station):
 
     def _sends_all(self, module: str) -> Report:
         return Report(sent=tuple(link.name for link in self.plan.graph.sends[module]))
+
+    def _fires(self, module: str, alone: bool) -> Report:
+        """What a module does that always sends the same when it fires."""
+        node = self.plan.graph.modules[module]
+        assert node.fires_on is not None
+        ports = {link.name: link.port for link in self.plan.graph.sends[module]}
+        sent = tuple(name for name, port in ports.items() if port in node.fires_on)
+        concluded = tuple(name for name, port in ports.items() if port == node.triggers)
+        return Report(sent, concluded=concluded if alone and node.concludes else None)
 
     def _regular(self, module: str, after: int, grant: int) -> Report:
         """What a module that acts at regular ticks answers to a look."""
@@ -335,8 +348,11 @@ class CoordinatorStation(Station):
             self._plants[name].enqueue(order)
         elif isinstance(order, Look) and (graph.reads.get(name) in opened or name not in self._awaited):
             return  # it looks as soon as it sees the window, or has looked already
+        elif name in graph.plants and isinstance(order, Deliver):
+            self._held_back[name].append(order)  # goes with the next window, which is when the plant needs it
         elif name in self._go:
-            self._go[name].publish(note(order_note(order)))
+            orders = [*self._held_back.pop(name, []), order]
+            self._go[name].publish(note([order_note(each) for each in orders]))
 
     def _tell(self) -> None:
         """Ledger for the recorder, clock for ROS tools, progress for people."""

@@ -114,7 +114,8 @@ class ModuleStation(Station):
         self.settle()
 
     def _on_go(self, message: Any, sequence: int) -> None:
-        self.enqueue(read_order(read_note(message)))
+        self._orders.extend(read_order(order) for order in read_note(message))
+        self._work()
         self.settle()
 
     def _on_window(self, message: Any, sequence: int) -> None:
@@ -159,11 +160,14 @@ class ModuleStation(Station):
         match order:
             case Look(_, after, grant):
                 self._look(after, grant)
-            case Fire(_, tick, _):
-                self._acted(tick, self._send(self._cell.fire(tick), self._nanoseconds(tick)))
+            case Fire(_, tick, _, alone):
+                sent, concluded = self._act(tick, alone)
+                if self._cell.module.fires_on is None:
+                    ahead = self._cell.look(tick)
+                    self._report(Report(sent, concluded=concluded, halt=self._cell.module.halt), tick, ahead)
             case Deliver(_, tick, _, bag, _):
-                sent = self._cell.receive(tick, self._bag(bag))
-                self._acted(tick, self._send(sent, self._nanoseconds(tick)))
+                answers = self._cell.receive(tick, self._bag(bag))
+                self._acted(tick, self._send(answers, self._nanoseconds(tick)))
             case _:
                 raise TypeError(f"{self.name} is no plant, and cannot obey {order}")
 
@@ -172,9 +176,18 @@ class ModuleStation(Station):
         if proposal is None or proposal > grant:
             self._report(Report(proposal=proposal), after, None)
             return
-        sent = self._send(self._cell.fire(proposal), self._nanoseconds(proposal))
-        report = Report(sent, proposal, fired=True, halt=self._cell.module.halt)
+        sent, concluded = self._act(proposal, alone=True)
+        report = Report(sent, proposal, fired=True, concluded=concluded, halt=self._cell.module.halt)
         self._report(report, proposal, self._cell.look(proposal))
+
+    def _act(self, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+        """Fire, and conclude at once where nothing can arrive."""
+        fired = self._cell.fire(tick)
+        if not alone or not self._cell.module.concludes:
+            return self._send(fired, self._nanoseconds(tick)), None
+        # The conclusion is the head of the longer way, to the plant and back; the topics differ, so order is free.
+        concluded = self._send(self._cell.conclude(tick), self._nanoseconds(tick))
+        return self._send(fired, self._nanoseconds(tick)), concluded
 
     def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
         if self._next is not None:

@@ -38,6 +38,7 @@ def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
         "sent": report.sent,
         "proposal": report.proposal,
         "fired": report.fired,
+        "concluded": report.concluded,
         "halt": report.halt,
         "ahead": ahead,
     }
@@ -45,5 +46,12 @@ def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
 
 def read_report(content: dict[str, Any]) -> tuple[Report, int | None]:
     """The report in a note, and what the module saw ahead."""
-    report = Report(tuple(content["sent"]), content["proposal"], content["fired"], content["halt"])
+    concluded = content["concluded"]
+    report = Report(
+        tuple(content["sent"]),
+        content["proposal"],
+        content["fired"],
+        None if concluded is None else tuple(concluded),
+        content["halt"],
+    )
     return report, content["ahead"]
