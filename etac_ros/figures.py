@@ -58,7 +58,7 @@ _ONLY_BESIDE = (
 
 def stands_alone(figure: str) -> bool:
     """Whether a table shows a figure although nothing published stands beside it."""
-    return not figure.startswith(_ONLY_BESIDE)
+    return not figure.startswith(_ONLY_BESIDE) and figure != "network_deliveries"
 
 
 def label(name: str, sensors: Iterable[str], own: str = "") -> str:

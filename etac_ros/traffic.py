@@ -6,16 +6,16 @@ The models below are the machine-readable summary that ``--json`` writes; ``summ
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from etac_ros.engines.recording import Recording
+from etac_ros.engines.recording import Message, Recording
 from etac_ros.figures import energy, measure, trigger_ticks, watches_of_module
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.graph import Graph, LinkKind
+from etac_ros.modules.graph import Graph, Link, LinkKind
 from etac_ros.modules.plant import PlantModule
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.load import Scenario
@@ -44,6 +44,7 @@ class Totals(_Model):
     """Messages and bytes."""
 
     messages: int
+    deliveries: int = Field(description="messages that reached a receiver: a broadcast counts once for each")
     payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
     cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
 
@@ -167,7 +168,7 @@ def summarise(
     for name, (kind, messages, size) in (plane or {}).items():
         if name not in topics:
             topics[name] = Topic(
-                kind="emulation", type=kind, messages=messages, payload_bytes=0, cdr_bytes=size,
+                kind="emulation", type=kind, messages=messages, deliveries=messages, payload_bytes=0, cdr_bytes=size,
                 first_s=None, last_s=None,
             )  # fmt: skip
     steady_from_s = _steady_from_s(scenario)
@@ -221,6 +222,7 @@ def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
     energy_used = sum(figures.energy_n2m2s for figures in summary.performance.values())
     measured["energy_n2m2s"] = energy_used
     measured["network_messages"] = float(summary.network.messages)
+    measured["network_deliveries"] = float(summary.network.deliveries)
     measured["network_payload_bytes"] = float(summary.network.payload_bytes)
     if baseline is not None:
         measured["baseline_messages"] = float(baseline.network.messages)
@@ -259,9 +261,10 @@ def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:
             receivers = sorted({receiver.rpartition("/")[0] or "/" for receiver in link.receivers})
             name = f"network {sender} -> {', '.join(receivers)}"
         topic = summary.topics[link.topic]
-        before = totals.get(name, Totals(messages=0, payload_bytes=0, cdr_bytes=0))
+        before = totals.get(name, Totals(messages=0, deliveries=0, payload_bytes=0, cdr_bytes=0))
         totals[name] = Totals(
             messages=before.messages + topic.messages,
+            deliveries=before.deliveries + topic.deliveries,
             payload_bytes=before.payload_bytes + topic.payload_bytes,
             cdr_bytes=before.cdr_bytes + topic.cdr_bytes,
         )
@@ -318,6 +321,7 @@ def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, 
             kind="emulation" if physical else link.kind.value,
             type=link.wire.type_name,
             messages=len(messages),
+            deliveries=_deliveries(link, messages, graph.end_tick),
             payload_bytes=0 if physical else len(messages) * link.wire.payload_bytes,
             cdr_bytes=computed if measured_cdr is None else measured_cdr.get(link.topic, 0),
             first_s=min(times, default=None),
@@ -326,10 +330,20 @@ def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, 
     return topics
 
 
+def _deliveries(link: Link, messages: Sequence[Message], end_tick: int) -> int:
+    arrived = [message for message in messages if message.tick + link.channel.delay_ticks < end_tick]
+    return sum(
+        not link.channel.loses(receiver, message.sequence, message.tick)
+        for message in arrived
+        for receiver in link.receivers
+    )
+
+
 def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:
     chosen = [topic for topic in topics.values() if topic.kind == kind]
     return Totals(
         messages=sum(topic.messages for topic in chosen),
+        deliveries=sum(topic.deliveries for topic in chosen),
         payload_bytes=sum(topic.payload_bytes for topic in chosen),
         cdr_bytes=sum(topic.cdr_bytes for topic in chosen),
     )
@@ -339,15 +353,15 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
     module = graph.modules[name]
     assert isinstance(module, PlantModule)
     first, states = recording.samples(name)
-    errors = errors_of(module.plant, states, first)
+    late = min(max(steady - first, 0), states.shape[0] - 1)  # a run that was halted may have no steady part
+    errors = errors_of(module.plant, states[late:], first + late)
     angles = np.degrees(module.plant.attitude_angle(errors))
     rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
-    late = min(max(steady - first, 0), states.shape[0] - 1)  # a run that was halted may have no steady part
     return Performance(
         attitude_error_deg=float(angles[-1]),
         rate_deg_s=float(rates[-1]),
-        max_attitude_error_deg=float(angles[late:].max()),
-        max_rate_deg_s=float(rates[late:].max()),
+        max_attitude_error_deg=float(angles.max()),
+        max_rate_deg_s=float(rates.max()),
         energy_n2m2s=energy(graph, recording, name, first, first + states.shape[0] - 1),
     )
 

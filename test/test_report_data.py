@@ -16,8 +16,10 @@ from etac_ros.parameters import FloatArray
 from etac_ros.report.figures import data
 from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.figures.decisions import Margins, decisions, margins
 from etac_ros.report.figures.panels import Panel
 from etac_ros.report.source import ReportedRun, read_run
+from etac_ros.report.view import View
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 
@@ -35,10 +37,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> ReportedRun:
     return reported(tmp_path_factory.mktemp("plain"))
 
 
-def compared(run: ReportedRun) -> data.Margins:
-    found = data.margins(run.graph, run.recording, SENSOR)
-    assert found is not None
-    return found
+def compared(run: ReportedRun) -> Margins:
+    return View(run).margins[SENSOR]
 
 
 def instants(run: ReportedRun) -> FloatArray:
@@ -50,23 +50,23 @@ def test_error_reaches_the_threshold_at_the_triggering_instants_and_nowhere_betw
     variant: str | None, tmp_path: Path
 ) -> None:
     run = reported(tmp_path, variant=variant)
-    margins = compared(run)
-    np.testing.assert_array_equal(margins.errors >= margins.thresholds, margins.fired)
+    found = compared(run)
+    np.testing.assert_array_equal(found.errors >= found.thresholds, found.fired)
     # The first transmission is not asked for by the rule.
-    np.testing.assert_array_equal(margins.ticks[margins.fired] / 32, instants(run)[1:])
-    assert margins.fired.sum() > 15
+    np.testing.assert_array_equal(found.ticks[found.fired] / 32, instants(run)[1:])
+    assert found.fired.sum() > 15
 
 
 def test_margins_are_those_of_the_printed_rule(run: ReportedRun) -> None:
-    margins = compared(run)
+    found = compared(run)
     _, states = run.recording.samples(PLANT)
     s = states[:, 4:7] + 0.08 * states[:, 1:4]
     held = {message.tick: message.value for message in run.recording.messages["filtered_error"]}
-    last = [max(tick for tick in held if tick < now) for now in margins.ticks.tolist()]
-    e = np.array([held[tick] for tick in last]) - s[margins.ticks]
-    np.testing.assert_allclose(margins.errors, np.linalg.norm(e, axis=1), rtol=1e-12)
-    threshold = 0.5 * np.linalg.norm(s[margins.ticks], axis=1) + 1e-6
-    np.testing.assert_allclose(margins.thresholds, threshold, rtol=1e-12)
+    last = [max(tick for tick in held if tick < now) for now in found.ticks.tolist()]
+    e = np.array([held[tick] for tick in last]) - s[found.ticks]
+    np.testing.assert_allclose(found.errors, np.linalg.norm(e, axis=1), rtol=1e-12)
+    threshold = 0.5 * np.linalg.norm(s[found.ticks], axis=1) + 1e-6
+    np.testing.assert_allclose(found.thresholds, threshold, rtol=1e-12)
 
 
 def test_margins_cover_every_tick_on_which_the_sensor_could_act(run: ReportedRun) -> None:
@@ -75,11 +75,13 @@ def test_margins_cover_every_tick_on_which_the_sensor_could_act(run: ReportedRun
 
 def test_a_rule_that_goes_by_time_has_no_margins(tmp_path: Path) -> None:
     run = reported(tmp_path, variant="periodic")
-    assert data.margins(run.graph, run.recording, SENSOR) is None
+    shown = decisions(run.graph, run.recording, SENSOR)
+    assert shown is not None
+    assert margins(run.graph, shown, SENSOR) is None
 
 
-def test_a_module_that_is_no_sensor_has_no_margins(run: ReportedRun) -> None:
-    assert data.margins(run.graph, run.recording, "/controller") is None
+def test_a_module_that_does_not_decide_has_been_shown_nothing(run: ReportedRun) -> None:
+    assert decisions(run.graph, run.recording, "/controller") is None
 
 
 @pytest.mark.parametrize("links", [[], ["links.torque.delay_ticks=3", "links.torque.loss=0.3"]])
@@ -117,7 +119,7 @@ def test_cumulative_bytes_of_a_silent_network_stay_zero(run: ReportedRun) -> Non
 
 
 def test_energy_ends_at_that_of_the_summary_and_never_falls(run: ReportedRun) -> None:
-    curve = data.energy(run.graph, run.recording, PLANT)
+    curve = run.energy[PLANT]
     assert curve.values[-1, 0] == pytest.approx(run.summary.performance[PLANT].energy_n2m2s, rel=1e-12)
     assert (np.diff(curve.values[:, 0]) >= 0.0).all()
 
@@ -126,7 +128,7 @@ def test_energy_is_the_integral_of_the_held_torque(run: ReportedRun) -> None:
     held = data.held_inputs(run.graph, run.recording, PLANT)["torque"]
     ticks = (held.times_s * 32).round().astype(int)
     every_tick = np.repeat(held.values[:-1], np.diff(ticks), axis=0)
-    curve = data.energy(run.graph, run.recording, PLANT)
+    curve = run.energy[PLANT]
     summed = np.concatenate([[0.0], np.cumsum((every_tick**2).sum(axis=1)) / 32])
     np.testing.assert_allclose(curve.values[:, 0], summed[(curve.times_s * 32).round().astype(int)], rtol=1e-9)
 
@@ -166,11 +168,11 @@ def test_a_part_of_a_curve_has_both_its_ends() -> None:
 
 def test_a_part_of_a_staircase_begins_with_what_held_before() -> None:
     stairs = Curve(np.array([0.0, 1.0, 4.0, 5.0]), np.array([[7.0], [8.0], [9.0], [9.0]]))
-    part = Panel(Figure().subplots(), "", 2.0, 4.5).held_part(stairs)
+    part = Panel(Figure().subplots(), 0, 2.0, 4.5).held_part(stairs)
     assert part.times_s.tolist() == [2.0, 4.0, 4.5]
     assert part.values.ravel().tolist() == [8.0, 9.0, 9.0]
     # A step right at the start replaces what held before.
-    assert Panel(Figure().subplots(), "", 4.0, 5.0).held_part(stairs).values[0, 0] == 9.0
+    assert Panel(Figure().subplots(), 0, 4.0, 5.0).held_part(stairs).values[0, 0] == 9.0
 
 
 def exponential(time_constant_s: float, floor: float, end_s: float = 1000.0) -> Curve:
@@ -180,8 +182,19 @@ def exponential(time_constant_s: float, floor: float, end_s: float = 1000.0) -> 
 
 def test_the_steady_state_begins_where_the_error_stays_within_twice_its_late_size() -> None:
     # 10 exp(-t / 20) falls to 0.1 at t = 92.1; then a round twentieth of the run.
-    assert data.transient_end_s([exponential(20.0, 0.1)]) == 100.0
-    assert data.transient_end_s([exponential(20.0, 0.1), exponential(40.0, 0.1)]) == 200.0
+    assert data.transient_end_s([exponential(20.0, 0.1)], 600.0) == 100.0
+    assert data.transient_end_s([exponential(20.0, 0.1), exponential(40.0, 0.1)], 600.0) == 200.0
+
+
+def test_late_is_what_the_scenario_says() -> None:
+    # From 50 s on the largest is 0.1 + 0.82, and 10 exp(-t / 20) falls to twice that less 0.1 at t = 35.2.
+    assert data.transient_end_s([exponential(20.0, 0.1, 100.0)], 60.0) is None
+    curve = exponential(20.0, 0.1)
+    curve.values[curve.times_s >= 700.0] *= 30.0
+    assert data.transient_end_s([curve], 600.0) is None
+    curve = exponential(20.0, 0.1)
+    curve.values[(curve.times_s >= 600.0) & (curve.times_s < 605.0)] *= 1.9
+    assert data.transient_end_s([curve], 600.0) == 100.0 - 50.0
 
 
 @pytest.mark.parametrize(
@@ -193,22 +206,42 @@ def test_the_steady_state_begins_where_the_error_stays_within_twice_its_late_siz
     ],
 )
 def test_a_run_without_both_parts_stays_whole(curve: Curve) -> None:
-    assert data.transient_end_s([curve]) is None
+    assert data.transient_end_s([curve], 600.0) is None
 
 
-@given(
-    arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e3, 1e3)),
-    st.integers(1, 40),
-)
-def test_thinning_keeps_every_peak(values: FloatArray, buckets: int) -> None:
-    times = np.arange(values.size) * 0.5
-    kept_times, kept = decimated(times, values, buckets)
-    assert (kept[0], kept[-1]) == (values[0], values[-1])
-    assert (kept_times[0], kept_times[-1]) == (times[0], times[-1])
+def test_a_run_that_ended_before_its_steady_part_stays_whole() -> None:
+    assert data.transient_end_s([exponential(20.0, 0.1, 500.0)], 600.0) is None
+    assert data.transient_end_s([exponential(20.0, 0.1, 500.0)], 300.0) == 100.0
+
+
+@st.composite
+def curves(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
+    """Samples at any ascending times, and values among which many are equal."""
+    size = draw(st.integers(1, 400))
+    gaps = draw(arrays(np.float64, size, elements=st.sampled_from([0.5, 0.5, 0.5, 1e-3, 70.0])))
+    values = draw(arrays(np.float64, size, elements=st.one_of(st.floats(-1e3, 1e3), st.sampled_from([0.0, 1.0]))))
+    return np.cumsum(gaps), values
+
+
+@given(curves(), st.integers(1, 40))
+def test_thinning_keeps_all_that_a_column_of_pixels_shows(curve: tuple[FloatArray, FloatArray], columns: int) -> None:
+    times, values = curve
+    kept_times, kept = decimated(times, values, columns)
     assert (np.diff(kept_times) > 0.0).all()
-    np.testing.assert_array_equal(kept, values[(kept_times / 0.5).astype(int)])
-    assert kept.size <= max(4 * buckets, 2 * buckets + 2)
-    assert (kept.min(), kept.max()) == (values.min(), values.max())
+    np.testing.assert_array_equal(kept, values[np.searchsorted(times, kept_times)])
+    assert kept.size <= 4 * (columns + 1)
+    if values.size <= 4 * columns:
+        assert kept.size == values.size
+        return
+    # In each column the first and the last, where lines come in and go out, and both extremes.
+    width = (times[-1] - times[0]) / columns
+    for some_times, some in ((times, values),):
+        column = np.floor((some_times - times[0]) / width * (1.0 + 1e-15)).astype(int)
+        of_kept = np.floor((kept_times - times[0]) / width * (1.0 + 1e-15)).astype(int)
+        for place in np.unique(column):
+            here, there = some[column == place], kept[of_kept == place]
+            assert (here[0], here[-1]) == (there[0], there[-1])
+            assert (here.min(), here.max()) == (there.min(), there.max())
 
 
 def test_thinning_keeps_a_single_sample_that_sticks_out() -> None:
@@ -217,6 +250,19 @@ def test_thinning_keeps_a_single_sample_that_sticks_out() -> None:
         spiked = values.copy()
         spiked[place] = -1.5
         times, kept = decimated(np.arange(50_000.0), spiked, 500)
-        assert kept.size <= 1002
+        assert kept.size <= 2004
         assert place in times
         assert kept.min() == -1.5
+
+
+def test_thinning_a_staircase_keeps_what_is_held_long() -> None:
+    # Ten thousand steps within a second, then one that holds for a thousand.
+    times = np.concatenate([np.linspace(0.0, 1.0, 10_000, endpoint=False), [1.0, 500.0, 1000.0]])
+    values = np.concatenate([np.tile([0.0, 5.0], 5_000), [2.0, 3.0, 3.0]])
+    kept_times, kept = decimated(times, values, 100)
+    assert kept.size < 20
+    assert [kept[np.searchsorted(kept_times, now, side="right") - 1] for now in (250.0, 499.9, 501.0)] == [
+        2.0,
+        2.0,
+        3.0,
+    ]

@@ -78,13 +78,15 @@ def test_a_bag_without_a_sample(recorded: Run, tmp_path: Path) -> None:
     assert complete(caught.value)
 
 
-def test_a_run_of_another_scenario_beside_it(recorded: Run, tmp_path: Path) -> None:
-    other = load("wu2018", None, ["duration_s=5", "scenario=another"])
-    run_in_process(other, tmp_path / "other")
-    with pytest.raises(BagError, match="a run of scenario 'another'") as caught:
-        write_report(bag_of(recorded), tmp_path / "report", against=tmp_path / "other")
+def test_a_run_of_other_plants_over_it(recorded: Run, tmp_path: Path) -> None:
+    run_in_process(load("flexible", None, ["duration_s=1"]), tmp_path / "other")
+    with pytest.raises(
+        BagError, match=r"a run of scenario 'flexible' with /plant \(etac_ros.plants.flexible:Fl"
+    ) as caught:
+        write_report(bag_of(recorded), [tmp_path / "other"], tmp_path / "report")
     assert complete(caught.value)
-    assert caught.value.where.startswith("--against")
+    assert caught.value.where == str(tmp_path / "other")
+    assert "/plant (etac_ros.plants.rigid:RigidBody)" in caught.value.expected
     assert not (tmp_path / "report").exists()
 
 
@@ -92,7 +94,7 @@ def test_a_run_of_another_scenario_beside_it(recorded: Run, tmp_path: Path) -> N
 def test_a_folder_that_cannot_be_made(recorded: Run, place: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ReportError, match="cannot be written") as caught:
-        write_report(bag_of(recorded), tmp_path / place)
+        write_report(bag_of(recorded), output=tmp_path / place)
     assert complete(caught.value)
     assert (tmp_path / "file").read_text() == "in the way"
 
@@ -100,7 +102,7 @@ def test_a_folder_that_cannot_be_made(recorded: Run, place: str, tmp_path: Path)
 def test_a_page_that_cannot_be_written(recorded: Run, tmp_path: Path) -> None:
     (tmp_path / "overview.png").mkdir()
     with pytest.raises(ReportError, match="cannot be written"):
-        write_report(bag_of(recorded), tmp_path)
+        write_report(bag_of(recorded), output=tmp_path)
 
 
 def test_importing_the_room_costs_neither_ros_nor_matplotlib() -> None:

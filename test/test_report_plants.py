@@ -59,7 +59,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_plant_and_sensor_has_its_place_on_the_page(bag: Path) -> None:
     text = write_report(bag).read_text(encoding="utf-8")
     for kind in FIGURES:
-        assert f'<figure id="{kind.name}">' in text
+        assert (f'<figure id="{kind.name}">' in text) == (kind.name not in ("watched", "modes"))
     for name in (*PLANTS, *SENSORS):
         assert f'<th scope="row" class="text">{name}</th>' in text
     assert "Beside the published figures" not in text
@@ -86,11 +86,12 @@ def test_each_sensor_is_held_against_its_own_plant_and_messages(bag: Path) -> No
 
 def test_beside_another_run_rows_say_whose_they_are(bag: Path) -> None:
     run = read_run(bag)
-    names = [row.name for row in raster.rows(View(run, run))]
-    assert names == [*SENSORS, *(f"{name}, other run" for name in SENSORS)]
-    table = tables.performance_table(View(run, run))
-    assert [row.cells[0] for row in table.rows] == [
-        f"{plant}, {whose}" for whose in ("this run", "other run") for plant in PLANTS
+    names = [row.name for row in raster.rows(View(run, (run,)))]
+    assert names == [*SENSORS, *(f"{name}, formation" for name in SENSORS)]
+    table = tables.performance_table(View(run, (run,)))
+    assert table.columns == ("plant", "this run", "formation")
+    assert [row.cells[0] for row in table.rows if row.cells[0].endswith("energy [N²m²s]")] == [
+        f"{plant}: energy [N²m²s]" for plant in PLANTS
     ]
 
 
@@ -172,7 +173,7 @@ def test_each_input_of_a_plant_is_held_and_spends_energy_by_itself(tmp_path: Pat
     for port in ("push", "pull"):
         assert held[port].times_s.tolist() == [0.0, 0.4, 2.0]
         assert held[port].values.ravel().tolist() == [0.0, -0.5, -0.5]
-    spent = data.energy(view.run.graph, view.run.recording, "/ramp").values[-1, 0]
+    spent = view.run.energy["/ramp"].values[-1, 0]
     assert spent == pytest.approx(2 * 0.25 * 1.6)
     # Internal links are no network, and both ports have a row of their own.
     assert data.cumulative_bytes(view.run.graph, view.run.recording).values[-1, 0] == 4.0

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pytest
-
 from conftest import SmallScenario
+
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.load import config_folders, load
+from etac_ros.scenario.values import value_at
+from etac_ros.sweep.draws import check_target, perturbed
 from etac_ros.sweep.plan import make_plan
 
 K = "controller.law.k"
@@ -97,12 +99,16 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
                 scenario.build()
             except ScenarioError:  # a variant that is there to be refused
                 continue
-            if scenario.run.perturb:
-                plan = make_plan(str(path), 1, variant)
-                assert plan.perturbations
-                plan.scenario_of(0).build()
+            values = {}
+            for key, one in scenario.run.perturb.items():
+                assert one is not None
+                before = value_at(scenario.nodes, key, str(path))
+                check_target(key, before, one, str(path))
+                values[key] = perturbed(before, key, one, 1, 1)
+                assert values[key] != before
                 found += 1
-    assert found >= 4
+            scenario.with_values(values, 1).build()
+    assert found > 20
 
 
 @pytest.mark.parametrize(
@@ -117,7 +123,7 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
         (1, [f"{K}=1.0,2.0", f"{K}=3.0,4.0"], [], [K, "already"]),
         (1, ["seed=1,2"], [], ["seed", "grid"]),
         (1, [K], [], ["no assignment"]),
-        (1, [], [f"{K}=normal"], ["--perturb", "found"]),
+        (1, [], [f"{K}=normal"], ["--perturb", "KEY=KIND:SIZE"]),
         (1, [], [f"{K}=normal:-1"], ["--perturb", "-1", "greater than 0"]),
         (1, [], [f"{K}=gauss:1"], ["--perturb", "normal, uniform, rotation_deg"]),
         (1, [], [f"{K}:normal"], ["--perturb"]),

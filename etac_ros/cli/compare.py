@@ -79,6 +79,6 @@ def _show_traffic(scenarios: Sequence[Scenario], summaries: Sequence[Summary], c
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
     for scenario, part in zip(scenarios, parts, strict=True):
-        cells = [part.get(column, Totals(messages=0, payload_bytes=0, cdr_bytes=0)) for column in columns]
+        cells = [part.get(column, Totals(messages=0, deliveries=0, payload_bytes=0, cdr_bytes=0)) for column in columns]
         table.add_row(scenario.variant or "", *(f"{cell.messages:,} / {cell.payload_bytes:,}" for cell in cells))
     console.print(table)

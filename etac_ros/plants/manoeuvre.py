@@ -132,7 +132,7 @@ class Manoeuvre:
         return seen
 
     def watches(self, states: FloatArray) -> tuple[Watch, ...]:
-        """The vector part of q_e, which section 4 quotes, and the angular velocity, whose limit ends the run (eq. 6)."""
+        """The vector part of q_e, and the angular velocity, whose limit ends the run (eq. 6)."""
         return (
             Watch(name="attitude q_v", unit="1", values=states[:, 1:4], axes=("x", "y", "z"), bound=None),
             Watch(

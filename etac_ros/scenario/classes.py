@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import inspect
 import json
+from collections.abc import Callable
+from functools import cache
 from typing import Any, Generic, Protocol, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ValidationError
@@ -102,6 +104,16 @@ def made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
         If the constructor does not take these arguments, or refuses them.
     """
     try:
+        return kind(*arguments, **components)
+    except ValueError as error:
+        raise ScenarioError(where, str(error)) from None
+    except TypeError:
+        _check_signature(kind, where, arguments, components)
+        raise  # the fault is not in how it was called
+
+
+def _check_signature(kind: type, where: str, arguments: tuple[Any, ...], components: dict[str, Any]) -> None:
+    try:
         inspect.signature(kind).bind(*arguments, **components)
     except TypeError as error:
         wanted = [type(argument).__name__ for argument in arguments] + list(components)
@@ -110,19 +122,20 @@ def made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
             f"{kind.__name__}() does not take what it is given ({error})",
             f"arguments {', '.join(wanted)}",
         ) from None
-    try:
-        return kind(*arguments, **components)
-    except ValueError as error:
-        raise ScenarioError(where, str(error)) from None
 
 
 def interface(kind: type, component: str) -> type | None:
     """The protocol that a module class asks of one of its components: its constructor's annotation."""
-    try:
-        found = get_type_hints(kind.__init__).get(component)  # type: ignore[misc]
-    except NameError:  # a user's annotation that only type checkers can see
-        return None
+    found = _hints(kind.__init__).get(component)  # type: ignore[misc]
     return found if getattr(found, "_is_protocol", False) else None
+
+
+@cache  # a sweep builds thousands of graphs, and annotations do not change
+def _hints(function: Callable[..., Any]) -> dict[str, Any]:
+    try:
+        return get_type_hints(function)
+    except NameError:  # a user's annotation that only type checkers can see
+        return {}
 
 
 def check_methods(kind: type, wanted: type | None, where: str) -> None:

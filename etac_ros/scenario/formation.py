@@ -117,7 +117,8 @@ def _graph(formation: FormationSection, where: str) -> Digraph:
             return printed
     except ValueError as error:
         raise ScenarioError(f"{where}.adjacency", str(error)) from None
-    extra = formation.n if formation.extra_edges is None else formation.extra_edges
+    room = formation.n * (formation.n - 1) - formation.n
+    extra = min(formation.n, max(room, 0)) if formation.extra_edges is None else formation.extra_edges
     try:
         return ring_with_random_edges(formation.n, extra, formation.seed)
     except ValueError as error:

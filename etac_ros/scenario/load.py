@@ -99,7 +99,7 @@ class Scenario:
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
     def with_values(self, values: Mapping[str, Any], seed: int) -> Scenario:
-        """This scenario with other values of its nodes and another seed, without reading its file again.
+        """The scenario with other values of its nodes and another seed, without reading its file again.
 
         Parameters
         ----------

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     FiniteFloat,
     NonNegativeInt,
@@ -24,6 +25,10 @@ def _network_wire(value: WireFormat) -> WireFormat:
     if value is WireFormat.EXACT:
         raise ValueError("'compact' or 'stamped'; exact is the emulation plane's own")
     return value
+
+
+def _without_null(value: Any) -> Any:
+    return {key: kept for key, kept in value.items() if kept is not None} if isinstance(value, dict) else value
 
 
 LinkWire = Annotated[WireFormat, AfterValidator(_network_wire)]
@@ -124,7 +129,9 @@ class Published(Parameters):
     __pydantic_extra__: dict[str, PublishedFigure]
 
     source: str = ""
-    shown_in: dict[str, str] | None = Field(default=None, description="the paper's figures by figure of the report")
+    shown_in: Annotated[dict[str, str], BeforeValidator(_without_null)] | None = Field(
+        default=None, description="the paper's figures by figure of the report; null in a variant takes one away"
+    )
 
     @property
     def figures(self) -> dict[str, PublishedFigure]:
