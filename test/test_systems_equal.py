@@ -34,9 +34,11 @@ CASES: list[tuple[str, str, list[str]]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("scenario", "variant", "overrides"), CASES, ids=lambda value: value if isinstance(value, str) else ",".join(value)
-)
+def words(value: str | list[str]) -> str:
+    return value if isinstance(value, str) else ",".join(value)
+
+
+@pytest.mark.parametrize(("scenario", "variant", "overrides"), CASES, ids=words)
 def test_same_bits(scenario: str, variant: str, overrides: list[str], tmp_path: Path) -> None:
     loaded = load(scenario, variant, overrides)
     processes = "namespace" if scenario == "xie2021" else "node"
