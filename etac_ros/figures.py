@@ -23,6 +23,8 @@ from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
 ATTITUDE = "attitude error"
 RATE = "rate"
 TORQUE = "torque"
+ATTITUDE_COMPONENTS = "attitude components"
+RATE_RAD_S = "rate in rad/s"
 SIGNAL = "signal"
 
 _LABELS = {
@@ -40,6 +42,7 @@ _LABELS = {
     "reduction_percent": "fewer bytes [%]",
     "energy_n2m2s": "energy [N²m²s]",
     "energy_reduction_percent": "less energy [%]",
+    "trigger_reduction_percent": "fewer triggers [%]",
     "baseline_more_triggers": "baseline's triggers beyond these",
     "baseline_more_energy_n2m2s": "baseline's energy beyond this [N²m²s]",
 }
@@ -51,9 +54,34 @@ _ONLY_BESIDE = (
     "mean_interval_s",
     "steady_mean_interval_s",
     "energy_",
+    "trigger_reduction_percent",
     "baseline_more_",
 )
 """Every run has them, and a table shows them where something published stands beside."""
+
+
+def families(names: Iterable[str], nodes: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Figures that several nodes of a formation have alike.
+
+    Parameters
+    ----------
+    names
+        Of figures. One of a node ends in its name, with ``_`` for ``/``.
+    nodes
+        Full names of nodes.
+
+    Returns
+    -------
+    dict
+        Name without the node, to namespace, to full name of the figure; only where at least two namespaces have it.
+    """
+    ends = {node.replace("/", "_"): node.rpartition("/") for node in nodes}
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        for end, (namespace, _, base) in ends.items():
+            if name.endswith(end):
+                found.setdefault((name.removesuffix(end), base), {})[namespace] = name
+    return {stem: members for (stem, _), members in found.items() if len(members) > 1}
 
 
 def stands_alone(figure: str) -> bool:
@@ -141,8 +169,8 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
     node
         A plant, or a module that watches something.
     name
-        ``attitude error`` [deg], ``rate`` [deg/s] or ``torque`` [N m] of a plant, ``signal`` of a sensor, or what the
-        node watches.
+        ``attitude error`` [deg], ``attitude components`` (of the error, as in the state), ``rate`` [deg/s], ``rate in
+        rad/s`` or ``torque`` [N m] of a plant, ``signal`` of a sensor, or what the node watches.
 
     Raises
     ------
@@ -176,6 +204,8 @@ def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callab
     return {
         ATTITUDE: lambda: np.degrees(plant.attitude_angle(errors_of(plant, states, first)))[:, np.newaxis],
         RATE: lambda: np.degrees(errors_of(plant, states, first)[:, plant.rate_slice]),
+        ATTITUDE_COMPONENTS: lambda: errors_of(plant, states, first)[:, plant.attitude_slice],
+        RATE_RAD_S: lambda: errors_of(plant, states, first)[:, plant.rate_slice],
         TORQUE: lambda: held_torque(graph, recording, node),
     }
 
@@ -268,6 +298,8 @@ def _of_values(wanted: Measure, values: FloatArray, first_tick: int, rate: int) 
             return float(np.abs(values).max())
         case Statistic.MEAN:
             return float(norms.mean())
+        case Statistic.DEVIATION:
+            return float(norms.std())
         case Statistic.FINAL:
             return float(norms[-1])
         case _:

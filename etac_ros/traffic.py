@@ -242,6 +242,11 @@ def _against(summary: Summary, energy_used: float, baseline: Summary) -> dict[st
     if len(summary.triggers) == len(baseline.triggers) == 1:
         (own,), (other,) = summary.triggers.values(), baseline.triggers.values()
         found["baseline_more_triggers"] = float(other.count - own.count)
+    for name, triggers in summary.triggers.items():
+        of_baseline = baseline.triggers.get(name)
+        if of_baseline is not None and of_baseline.count:
+            suffix = "" if len(summary.triggers) == 1 else name.replace("/", "_")
+            found[f"trigger_reduction_percent{suffix}"] = 100.0 * (1.0 - triggers.count / of_baseline.count)
     energy_of_baseline = sum(figures.energy_n2m2s for figures in baseline.performance.values())
     found["baseline_more_energy_n2m2s"] = energy_of_baseline - energy_used
     if energy_of_baseline > 0.0:

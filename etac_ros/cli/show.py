@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from rich import box
@@ -10,7 +11,7 @@ from rich.table import Table
 
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
-from etac_ros.figures import label, stands_alone
+from etac_ros.figures import families, label, stands_alone
 from etac_ros.scenario.load import Scenario
 from etac_ros.traffic import PublishedValue, Summary
 
@@ -29,8 +30,13 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
     """The tables that stand after a run."""
     variant = f", variant {summary.variant}" if summary.variant else ""
     console.print(f"\n{scenario.run.title or scenario.name}{variant}", style="bold")
-    console.print(_figures(scenario, summary))
+    alike = families(_shown(summary), scenario.nodes)
+    of_families = {name for members in alike.values() for name in members.values()}
+    console.print(_figures(scenario, summary, of_families))
     console.print()
+    if alike:
+        console.print(_by_namespace(scenario, summary, alike))
+        console.print()
     console.print(_topics(summary))
     console.print()
     console.print(_performance(summary))
@@ -50,14 +56,15 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
         console.print(f"bag: {summary.bag}   (etac info, etac report)", soft_wrap=True)
 
 
-def _figures(scenario: Scenario, summary: Summary) -> Table:
+def _figures(scenario: Scenario, summary: Summary, alike: Collection[str]) -> Table:
     source = scenario.run.published.source or "paper"
     baseline = summary.baseline
     table = plain_table("")
     for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
         table.add_column(column, justify="right", no_wrap=True)
-    shown = [name for name in summary.measured if name in summary.published or stands_alone(name)]
-    for name in [*shown, *(name for name in summary.published if name not in summary.measured)]:
+    for name in _shown(summary):
+        if name in alike:
+            continue
         measured = summary.measured.get(name)
         figure = summary.published.get(name)
         row = [
@@ -70,6 +77,41 @@ def _figures(scenario: Scenario, summary: Summary) -> Table:
             beside = baseline.measured.get(name)
             row.append("" if beside is None else number(beside))
         table.add_row(*row)
+    return table
+
+
+def _shown(summary: Summary) -> list[str]:
+    broadcasts = {"network_deliveries"} if summary.network.deliveries != summary.network.messages else set()
+    shown = [
+        name for name in summary.measured if name in summary.published or name in broadcasts or stands_alone(name)
+    ]
+    return [*shown, *(name for name in summary.published if name not in summary.measured)]
+
+
+def _by_namespace(scenario: Scenario, summary: Summary, alike: Mapping[str, Mapping[str, str]]) -> Table:
+    """Figures that the spacecraft of a formation have alike, a column for each."""
+    namespaces = list(dict.fromkeys(namespace for members in alike.values() for namespace in members))
+    table = plain_table(f"this run ({scenario.run.published.source or 'paper'})")
+    for namespace in namespaces:
+        table.add_column(namespace, justify="right", no_wrap=True)
+    outside = False
+    for members in alike.values():
+        cells = []
+        for namespace in namespaces:
+            name = members.get(namespace, "")
+            measured, figure = summary.measured.get(name), summary.published.get(name)
+            cell = "-" if measured is None else number(measured)
+            if figure is not None:
+                met = measured is not None and figure.low <= measured <= figure.high
+                outside |= not met
+                cell += f" ({number(figure.value)}){' ' if met else '!'}"
+            cells.append(cell)
+        first = next(iter(members.values()))
+        own = summary.published.get(first)
+        words = own.label if own is not None and own.label else figure_label(first, summary).partition(",")[0]
+        table.add_row(words, *cells)
+    if outside:
+        table.caption = "! outside the band"
     return table
 
 

@@ -39,11 +39,13 @@ class Recording:
     """By plant: how many chunks there were when they were last joined, and all their samples."""
 
     def samples(self, plant: str) -> tuple[int, FloatArray]:
-        """All committed samples of a plant: the tick of the first, and an array of shape (n, states)."""
+        """All committed samples of a plant: the tick of the first, and an array of shape (n, states).
+
+        Everybody who asks gets the same array: it is there to be read.
+        """
         chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
         count, joined = self._joined.get(plant, (0, _NONE))
         if count != len(chunks):
             joined = np.concatenate([samples for _, samples in chunks])
-            joined.flags.writeable = False  # everybody who asks gets the same
             self._joined[plant] = len(chunks), joined
         return chunks[0][0], joined

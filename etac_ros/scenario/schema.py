@@ -75,6 +75,8 @@ class Statistic(StrEnum):
     LARGEST_COMPONENT = "largest_component"
     MEAN = "mean"
     """Mean of the norm."""
+    DEVIATION = "standard_deviation"
+    """Standard deviation of the norm."""
     FINAL = "final"
     """Norm at the end."""
     SETTLING_TIME = "settling_time_s"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 from rclpy.duration import Duration
@@ -124,11 +125,15 @@ class Subscription:
         self._node = node
         self._kind = kind
         self._raw = raw
-        self._callback = callback
+        self._callbacks = [callback]
         self._continuous = not latched and not shared
         profile = _LATCHED_READER if latched else DATA
         subscription = node.create_subscription(kind, topic, _unused, profile, raw=raw)
         self.handle = subscription.handle
+
+    def also(self, callback: Callback) -> None:
+        """Let another node of this process hear the same."""
+        self._callbacks.append(callback)
 
     @property
     def matched(self) -> bool:
@@ -150,7 +155,8 @@ class Subscription:
                     "every message once, in order, from one publisher",
                     "is another program publishing on this topic in this ROS domain?",
                 )
-            self._callback(message, sequence)
+            for callback in self._callbacks:
+                callback(message, sequence)
 
 
 class Spinner:
@@ -169,12 +175,24 @@ class Spinner:
         self._context = context
         self._gather_s = gather_s
         self._subscriptions: list[Subscription] = []
+        self._by_pointer: dict[int, tuple[int, Subscription]] = {}
+        self._of_all: dict[str, Subscription] = {}
         self._wait_set: Any = None
 
     def add(self, subscription: Subscription) -> None:
         """Listen to one more subscription."""
+        self._by_pointer[subscription.handle.pointer] = (len(self._subscriptions), subscription)
         self._subscriptions.append(subscription)
         self._wait_set = None
+
+    def for_all(self, topic: str, make: Callable[[], Subscription], callback: Callback) -> Subscription:
+        """The one subscription of this process to what is told to all nodes; ``make`` makes it for the first."""
+        if topic in self._of_all:
+            self._of_all[topic].also(callback)
+        else:
+            self._of_all[topic] = make()
+            self.add(self._of_all[topic])
+        return self._of_all[topic]
 
     def once(self, timeout_s: float) -> bool:
         """Wait for messages and hand them out; False if none came in time."""
@@ -190,9 +208,8 @@ class Spinner:
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
             return False
-        for subscription in self._subscriptions:
-            if subscription.handle.pointer in ready:
-                subscription.take()
+        for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
+            subscription.take()
         return True
 
 

@@ -53,9 +53,8 @@ class Station:
         self._hello = self.publisher(String, HELLO, 0, latched=True)
         self._fault = self.publisher(String, FAULT, 0, latched=True)
         self._bye = self.publisher(String, BYE, 2)
-        self.subscription(String, START, self._on_start, latched=True)
-        self.subscription(String, STOP, self._on_stop, latched=True)
-        self.subscription(String, END, self._on_end, latched=True)
+        for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
+            self._hear_as_all_do(topic, callback)
 
     def publisher(self, kind: type, topic: str, listeners: int, latched: bool = False) -> Publisher:
         """A counting publisher of this node."""
@@ -77,6 +76,14 @@ class Station:
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
         return subscription
+
+    def _hear_as_all_do(self, topic: str, callback: Callback) -> None:
+        """Hear what the coordinator tells everybody; the nodes of a process share one subscription."""
+
+        def make() -> Subscription:
+            return Subscription(self.node, String, topic, callback, latched=True)
+
+        self._subscriptions.append(self._spinner.for_all(topic, make, callback))
 
     @property
     def matched(self) -> bool:
