@@ -31,6 +31,7 @@ FLOORS = [
     "runs",
     "report",
     "sweep",
+    "reproduce",
     "cli",
     "__main__",
 ]

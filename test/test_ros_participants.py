@@ -5,14 +5,21 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 from etac_ros.engines.ros.domain import dds_environment, take_domain
+from etac_ros.errors import RunError
+from etac_ros.runs import run_over_ros
+from etac_ros.scenario.load import load
 
 PARTICIPANTS = 40
 
 # In a process of its own: a process that has initialised rclpy must not be forked afterwards.
 SCRIPT = """
 import sys
+from pathlib import Path
 import rclpy
 import rclpy.executors
 from rclpy.context import Context
@@ -53,3 +60,11 @@ def test_a_late_participant_sees_all() -> None:
     lease.release()
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) == PARTICIPANTS
+
+
+def test_more_processes_than_find_each_other_are_refused(tmp_path: Path) -> None:
+    crowd = load("xie2021", None, ["formation.n=32", "duration_s=1"])
+    with pytest.raises(RunError, match="130 processes") as caught:
+        run_over_ros(crowd, tmp_path / "bag")
+    assert "--processes namespace" in str(caught.value)
+    assert not (tmp_path / "bag").exists()

@@ -97,6 +97,71 @@ def compare(
 
 
 @app.command()
+def sweep(
+    scenario: ScenarioName,
+    runs: Annotated[int, typer.Option(help="Runs at each point of the grid.")] = 100,
+    variant: Variant = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=A[,B...]", help="Override a value; several make a grid; repeatable."),
+    ] = None,
+    perturb: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=KIND:SIZE", help="normal, uniform or rotation_deg, or KEY=none; repeatable."),
+    ] = None,
+    no_perturb: Annotated[bool, typer.Option("--no-perturb", help="Draw nothing but noise and losses.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; default: one a core.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Run on the workers of this dask scheduler.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Parquet file; default: one in sweeps/, named after it.")] = None,
+    replay: Annotated[int | None, typer.Option(metavar="SAMPLE", help="Run one sample of the sweep alone.")] = None,
+    engine: Annotated[Engine, typer.Option(help="For --replay.")] = Engine.inprocess,
+    bag: Annotated[Path | None, typer.Option(help="For --replay: directory of a bag.")] = None,
+    json: Annotated[Path | None, typer.Option(help="For --replay: write the summary to a file.")] = None,
+) -> None:
+    """Run a scenario many times over starts, noise and a grid of values; the same command goes on after a break."""
+    from etac_ros.cli.show import make_console
+    from etac_ros.cli.sweep import SweepRequest, sweep_and_show
+
+    request = SweepRequest(
+        scenario=scenario,
+        runs=runs,
+        variant=variant,
+        overrides=tuple(set_ or ()),
+        perturbations=tuple(perturb or ()),
+        perturb=not no_perturb,
+        workers=workers,
+        scheduler=scheduler,
+        output=output,
+        replay=replay,
+        engine=engine.value,
+        bag=bag,
+        json=json,
+    )
+    if not sweep_and_show(request, make_console()):
+        raise typer.Exit(INTERRUPTED)
+
+
+@app.command()
+def reproduce(
+    scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Perturbed runs for each band, at most.")] = 200,
+    budget: Annotated[float, typer.Option(min=0.0, help="Wall time for the runs of one band [s].")] = 20.0,
+    engine: Annotated[Engine, typer.Option(help="For the measured figures.")] = Engine.ros,
+    set_: Set = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes for the bands; default: one a core.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write the table as Markdown.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the rows to a file.")] = None,
+) -> None:
+    """Put every figure that the papers publish beside a measured one, its band, and a verdict."""
+    from etac_ros.cli.reproduce import reproduce as reproduce_
+    from etac_ros.cli.show import make_console
+    from etac_ros.reproduce.rows import Effort
+
+    effort = Effort(runs, budget, engine.value, workers)
+    reproduce_(scenarios or (), effort, set_ or (), make_console(), write, json)
+
+
+@app.command()
 def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -> None:
     """Print the complete parameter file of a run, for nodes that are started by hand."""
     from etac_ros.scenario.load import load
@@ -157,14 +222,15 @@ def recover(
 
 @app.command()
 def report(
-    bag: BagPath,
-    output: Annotated[Path | None, typer.Option(help="Folder of the report; default: BAG/report.")] = None,
-    against: Annotated[Path | None, typer.Option(help="Bag of the baseline, to lay beside it.")] = None,
+    bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="The run's bag; more of them are laid over it.")],
+    output: Annotated[Path | None, typer.Option(help="Folder of the report; default: report in the first bag.")] = None,
+    against: Annotated[list[Path] | None, typer.Option(help="One more bag, as if it stood behind the others.")] = None,
 ) -> None:
-    """Draw the paper's figures from a bag alone: PNG files and one self-contained HTML page."""
+    """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
     from etac_ros.report import write_report
 
-    typer.echo(f"report: {write_report(bag, output, against)}")
+    first, *others = bags
+    typer.echo(f"report: {write_report(first, [*others, *(against or ())], output)}")
 
 
 def _version(wanted: bool) -> None:

@@ -11,7 +11,7 @@ from etac_ros.modules.graph import Graph
 from etac_ros.modules.plant import PlantModule
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
-from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+from etac_ros.timing.orders import Deliver, Fire, Look, MessageId, Open, Order, Report
 from etac_ros.timing.windows import USUAL_WINDOWS, WindowPolicy
 
 
@@ -77,34 +77,41 @@ class InProcess:
         return report
 
     def _obey(self, order: Order) -> Report:
+        if isinstance(order, Look):
+            return self._look(order)
+        if isinstance(order, Deliver):
+            cell = self._cells[order.module]
+            arrivals = tuple(self._arrival(order.module, message) for message in order.bag)
+            return Report(self._send(cell.receive(order.tick, arrivals)), halt=cell.module.halt)
+        if isinstance(order, Open):
+            return self._open(order)
+        if isinstance(order, Fire):
+            cell = self._cells[order.module]
+            sent, concluded = self._act(cell, order.tick, order.alone)
+            return Report(sent, concluded=concluded, halt=cell.module.halt)
+        self._commit(order.module, order.tick)
+        return Report(halt=self._plant(order.module).halt)
+
+    def _look(self, order: Look) -> Report:
+        plant = self._graph.reads.get(order.module)
+        if plant is not None and self._plant(plant).halt:
+            return Report()  # there is no window any more to look at
         cell = self._cells[order.module]
-        match order:
-            case Look(name, after, grant):
-                plant = self._graph.reads.get(name)
-                if plant is not None and self._plant(plant).halt:
-                    return Report()  # there is no window any more to look at
-                proposal = cell.look(after)
-                if proposal is None or proposal > grant:
-                    return Report(proposal=proposal)
-                sent, concluded = self._act(cell, proposal, alone=True)
-                return Report(sent, proposal, fired=True, concluded=concluded, halt=cell.module.halt)
-            case Deliver(_, tick, _, bag, _):
-                arrivals = tuple(self._arrival(order.module, message) for message in bag)
-                return Report(self._send(cell.receive(tick, arrivals)), halt=cell.module.halt)
-            case Fire(_, tick, _, alone):
-                sent, concluded = self._act(cell, tick, alone)
-                return Report(sent, concluded=concluded, halt=cell.module.halt)
-            case Open(plant, tick, length, _):
-                self._commit(plant, tick)
-                if halt := self._plant(plant).halt:
-                    return Report(halt=halt)
-                window = self._plant(plant).open(length)
-                for reader in self._graph.readers[plant]:
-                    self._cells[reader].see(window)
-                return Report()
-            case Close(plant, tick):
-                self._commit(plant, tick)
-                return Report(halt=self._plant(plant).halt)
+        proposal = cell.look(order.after)
+        if proposal is None or proposal > order.grant:
+            return Report(proposal=proposal)
+        sent, concluded = self._act(cell, proposal, alone=True)
+        return Report(sent, proposal, fired=True, concluded=concluded, halt=cell.module.halt)
+
+    def _open(self, order: Open) -> Report:
+        self._commit(order.module, order.tick)
+        plant = self._plant(order.module)
+        if plant.halt:
+            return Report(halt=plant.halt)
+        window = plant.open(order.length)
+        for reader in self._graph.readers[order.module]:
+            self._cells[reader].see(window)
+        return Report()
 
     def _act(self, cell: Cell, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
         sent = self._send(cell.fire(tick))

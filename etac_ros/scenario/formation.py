@@ -1,7 +1,7 @@
 """A formation in a scenario file: from one template for all spacecraft to nodes and links for each.
 
-Node templates have names that begin with ``/*/``; a link is a template where its ``from`` contains ``{self}``. In
-them stand, in braces:
+Node templates have names that begin with ``/*/``, as have keys of ``perturb``; a link is a template where its ``from``
+contains ``{self}``. In them stand, in braces:
 
 ``{self}``
     Namespace of the spacecraft, such as ``sc1``.
@@ -105,8 +105,19 @@ def expanded(sections: Tree, file: str) -> Tree:
             else:
                 links[link] = body
     everywhere["links"] = links
+    if isinstance(everywhere.get("perturb"), dict):
+        everywhere["perturb"] = _for_each(everywhere["perturb"], names)
     others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(_TEMPLATE)}
     return {EVERYWHERE: everywhere, **others, **nodes}
+
+
+def _for_each(perturb: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
+    """What is drawn, with a key of a template written out for each spacecraft."""
+    found: dict[str, Any] = {}
+    for key, value in perturb.items():
+        bare = str(key).lstrip("/")
+        found.update({f"{name}/{bare[2:]}": value for name in names} if bare.startswith("*/") else {key: value})
+    return found
 
 
 def _graph(formation: FormationSection, where: str) -> Digraph:

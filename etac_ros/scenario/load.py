@@ -165,6 +165,11 @@ def config_folders() -> list[Path]:
     return [folder for folder in [checkout, *dict.fromkeys(shares)] if folder.is_dir()]
 
 
+def available() -> list[str]:
+    """Names of the scenarios that are shipped."""
+    return sorted({path.stem for folder in config_folders() for path in folder.glob("*.yaml")})
+
+
 def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
     """Load and validate a scenario.
 

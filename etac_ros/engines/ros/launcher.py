@@ -30,6 +30,8 @@ from etac_ros.engines.ros.recorder import Sink
 from etac_ros.engines.ros.tally import Outcome
 from etac_ros.errors import EtacError, RunError
 
+MOST_PROCESSES = 100
+"""A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
 _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
 
@@ -111,6 +113,13 @@ class Launcher:
         self._plan = plan
         names = plan.stations if only is None else plan.part(only)
         self._groups = groups(plan, processes, names)
+        if len(self._groups) > MOST_PROCESSES:
+            raise RunError(
+                f"--processes {processes.value}",
+                f"would start {len(self._groups)} processes",
+                f"at most {MOST_PROCESSES}: so many DDS participants find each other on one machine",
+                "--processes namespace, or one",
+            )
         self._keeps_time = COORDINATOR in names
         # The others of a run in parts, and foreign nodes, are started by hand.
         self._patient = only is not None or bool(plan.graph.external)

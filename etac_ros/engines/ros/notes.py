@@ -18,8 +18,7 @@ _NAMES = {kind: name for name, kind in _ORDERS.items()}
 
 def order_note(order: Order) -> dict[str, Any]:
     """An order as a mapping with the key ``do``."""
-    fields = type(order).__slots__
-    return {"do": _NAMES[type(order)], **{field: getattr(order, field) for field in fields}}
+    return {"do": _NAMES[type(order)], **order._asdict()}
 
 
 def read_order(content: dict[str, Any]) -> Order:

@@ -1,0 +1,191 @@
+"""One row for each published figure: measured over one run, with its band over many perturbed ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from etac_ros.errors import ScenarioError
+from etac_ros.figures import label
+from etac_ros.reproduce.verdict import Spread, Verdict, judge
+from etac_ros.runs import RosOptions, baseline_of, run_in_process, run_over_ros
+from etac_ros.scenario.load import Scenario, load
+from etac_ros.sweep.bands import bands
+from etac_ros.sweep.plan import make_plan
+from etac_ros.sweep.run import cores, sweep, usual_workers
+from etac_ros.traffic import PublishedValue, Summary, with_measured
+
+_FEWEST = 10
+"""Perturbed runs of a variant, however long one takes."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A published figure and what became of it.
+
+    Attributes
+    ----------
+    scenario, variant
+        What was run; an empty variant is the scenario as it stands.
+    figure, label
+        Name of the figure, and what it is called.
+    where
+        Where the paper prints it.
+    published, is_limit
+        The paper's figure; whether it is a limit that has to be kept.
+    measured
+        None where the run has no such figure.
+    spread
+        Over perturbed runs.
+    verdict, reason
+        By the rule; why it is not reproduced.
+    """
+
+    scenario: str
+    variant: str
+    figure: str
+    label: str
+    where: str
+    published: float
+    is_limit: bool
+    measured: float | None
+    spread: Spread | None
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is run.
+
+    Attributes
+    ----------
+    runs
+        Perturbed runs of each variant, at most.
+    budget_s
+        Wall time for them: where a run takes long, fewer are made.
+    engine
+        ``ros`` or ``inprocess``, for the measured figures.
+    workers
+        Processes of the sweep; None takes every core.
+    """
+
+    runs: int = 200
+    budget_s: float = 20.0
+    engine: str = "ros"
+    workers: int | None = None
+
+
+def published_variants(name: str, overrides: Sequence[str] = ()) -> list[Scenario]:
+    """The variants of a scenario with published figures; of those that change nothing, the file as it stands."""
+    base = load(name, None, overrides)
+    found = [base] if base.published else []
+    for variant in base.variants:
+        try:
+            scenario = load(name, variant, overrides)
+        except ScenarioError:
+            continue  # refused for a reason of its own: there is nothing to measure
+        if scenario.published and scenario.published != base.published:
+            found.append(scenario)
+    return found
+
+
+def rows_of(scenario: Scenario, effort: Effort, folder: Path, overrides: Sequence[str], say: Say) -> list[Row]:
+    """Measure a variant and judge its published figures.
+
+    Parameters
+    ----------
+    scenario
+        The variant.
+    effort
+        How much is run.
+    folder
+        Where bags go.
+    overrides
+        As for :func:`etac_ros.scenario.load.load`.
+    say
+        Told what is being done.
+    """
+    title = f"{scenario.name} {scenario.variant or ''}".strip()
+    say(f"{title}: one run over {effort.engine}")
+    summary = _measured(scenario, effort, folder)
+    figures = summary.published
+    spreads = _spreads(scenario, effort, overrides, summary, say)
+    return [
+        _row(scenario, summary, name, figure, summary.measured.get(name), spreads.get(name))
+        for name, figure in figures.items()
+    ]
+
+
+def _measured(scenario: Scenario, effort: Effort, folder: Path) -> Summary:
+    if effort.engine == "ros":
+        summary = run_over_ros(
+            scenario, folder / f"{scenario.name}_{scenario.variant or 'as_it_stands'}", RosOptions()
+        ).summary
+    else:
+        summary = run_in_process(scenario).summary
+    baseline = baseline_of(scenario)
+    return with_measured(summary, None if baseline is None else run_in_process(baseline).summary)
+
+
+def _spreads(
+    scenario: Scenario, effort: Effort, overrides: Sequence[str], summary: Summary, say: Say
+) -> Mapping[str, Spread]:
+    if not scenario.run.perturb:
+        return {}
+    workers = effort.workers or cores()
+    one = run_in_process(scenario).summary.timing.total_s
+    runs = max(min(effort.runs, math.floor(effort.budget_s * workers / max(one, 1e-6))), _FEWEST)
+    runs = min(runs, effort.runs)
+    plan = make_plan(str(scenario.path), runs, scenario.variant, overrides)
+    title = f"{scenario.name} {scenario.variant or ''}".strip()
+    result = sweep(
+        plan, usual_workers(effort.workers), lambda done, planned: say(f"{title}: {done} of {planned} perturbed runs")
+    )
+    found = bands(result, [name for name in summary.published if name in summary.measured])
+    return {band.figure: Spread(band.p5, band.p95, band.count) for band in found}
+
+
+def _row(
+    scenario: Scenario,
+    summary: Summary,
+    name: str,
+    figure: PublishedValue,
+    measured: float | None,
+    spread: Spread | None,
+) -> Row:
+    is_limit = figure.low == 0.0 and figure.high == figure.value
+    verdict = judge(figure.value, is_limit, measured, spread)
+    return Row(
+        scenario=scenario.name,
+        variant=scenario.variant or "",
+        figure=name,
+        label=_words(name, summary, figure),
+        where=figure.where,
+        published=figure.value,
+        is_limit=is_limit,
+        measured=measured,
+        spread=spread,
+        verdict=verdict,
+        reason="" if verdict is Verdict.REPRODUCED else figure.reason or _UNEXPLAINED[verdict],
+    )
+
+
+_UNEXPLAINED = {
+    Verdict.NEAR: "",
+    Verdict.NOT_REPRODUCED: "no reading of the paper that was tried gives it",
+    Verdict.NOT_TESTABLE: "a run does not give it",
+}
+
+
+def _words(name: str, summary: Summary, figure: PublishedValue) -> str:
+    words = label(name, summary.triggers, figure.label)
+    for plant in summary.performance:
+        end = plant.replace("/", "_")
+        if figure.label and name.endswith(end):
+            return f"{words}, {plant}"
+    return words

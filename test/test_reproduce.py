@@ -1,0 +1,140 @@
+"""`etac reproduce`: a row for every published figure, and verdicts that turn when something is broken."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from etac_ros.laws.wu2018 import Proportional
+from etac_ros.parameters import FloatArray
+from etac_ros.reproduce.rows import Effort, Row, published_variants, rows_of
+from etac_ros.reproduce.verdict import RULE, Verdict
+from etac_ros.reproduce.write import as_json, markdown
+from etac_ros.triggers.relative import RelativeThreshold
+
+QUICK = Effort(runs=10, budget_s=30.0, engine="inprocess", workers=1)
+HERE = f"{Path(__file__).stem}"
+
+
+class WeakLaw(Proportional):
+    """Half the torque."""
+
+    def command(self, signal: FloatArray) -> FloatArray:
+        return 0.5 * super().command(signal)
+
+
+class OtherNorm(RelativeThreshold):
+    """The sum of magnitudes instead of the Euclidean norm."""
+
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
+        errors = np.abs(held - signals).sum(axis=1)
+        fires = np.flatnonzero(errors >= self._alpha * np.linalg.norm(signals, axis=1) + self._gamma)
+        return int(fires[0]) if fires.size else -1
+
+
+class OtherSide(RelativeThreshold):
+    """Compares the wrong way round: fires while the error is still below the threshold."""
+
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
+        errors, thresholds = self.margin(signals, tick, held) or (np.empty(0), np.empty(0))
+        fires = np.flatnonzero(errors < thresholds)
+        return int(fires[0]) if fires.size else -1
+
+
+def rows(tmp_path: Path, *overrides: str) -> dict[str, Row]:
+    (scenario,) = published_variants("wu2018", overrides)
+    return {row.figure: row for row in rows_of(scenario, QUICK, tmp_path, overrides, lambda text: None)}
+
+
+def test_wu2018_is_reproduced(tmp_path: Path) -> None:
+    found = rows(tmp_path)
+    assert {row.verdict for row in found.values()} == {Verdict.REPRODUCED}
+    triggers = found["triggers"]
+    assert (triggers.published, triggers.measured) == (84.0, 84.0)
+    assert triggers.spread is not None
+    assert triggers.spread.low < 84.0 < triggers.spread.high
+    assert triggers.reason == ""
+
+
+RULE_OF = "sensor.trigger={{class: {}, alpha: 0.5, gamma: 1.0e-6}}"
+BROKEN = {
+    "law": f"controller.law={{class: {HERE}:WeakLaw, k: 26.113821209155528}}",
+    "norm": RULE_OF.format(f"{HERE}:OtherNorm"),
+    "side": RULE_OF.format(f"{HERE}:OtherSide"),
+    "beta": "sensor.signal.beta=0.04",
+    "alpha": "sensor.trigger.alpha=0.25",
+    "inertia": "plant.dynamics.inertia_kg_m2=[100, 6.5, 6, 6.5, 110, 5.5, 6, 5.5, 95]",
+}
+"""That the rule fires at ``>=`` and not at ``>`` is no matter of counts: see test_trigger_relative.py."""
+
+
+@pytest.mark.parametrize("override", BROKEN.values(), ids=BROKEN)
+def test_a_broken_system_turns_a_verdict(override: str, tmp_path: Path) -> None:
+    found = rows(tmp_path, override)
+    assert found["triggers"].verdict is not Verdict.REPRODUCED
+    assert found["network_payload_bytes"].verdict is not Verdict.REPRODUCED
+    assert all(row.reason for row in found.values() if row.verdict is Verdict.NOT_REPRODUCED)
+
+
+def test_every_scenario_has_rows_with_their_places_and_reasons() -> None:
+    for name in ("wu2018", "qi2022", "flexible", "shi2022", "xie2021"):
+        variants = published_variants(name)
+        assert variants, name
+        for scenario in variants:
+            for figure in scenario.published.values():
+                assert figure.low <= figure.high
+
+
+def test_variants_that_change_nothing_are_not_run_twice() -> None:
+    names = [scenario.variant for scenario in published_variants("qi2022")]
+    assert names[0] is None
+    assert "case1" not in names
+    assert {"case2", "case3", "smc"} <= set(names)
+    assert "printed" not in names  # refused
+
+
+def test_pages(tmp_path: Path) -> None:
+    found = list(rows(tmp_path, "duration_s=100").values())
+    page = markdown(found, QUICK, "etac reproduce wu2018")
+    assert "`etac reproduce wu2018`" in page
+    assert RULE in page
+    assert "## wu2018" in page
+    for row in found:
+        assert f"| {row.label} |" in page
+    content = json.loads(as_json(found, QUICK))
+    assert [row["figure"] for row in content["rows"]] == [row.figure for row in found]
+    assert content["effort"]["runs"] == 10
+
+
+def test_the_command(tmp_path: Path) -> None:
+    page, data = tmp_path / "page.md", tmp_path / "rows.json"
+    command = [sys.executable, "-m", "etac_ros", "reproduce", "wu2018", "--runs", "4", "--engine", "inprocess"]
+    command += ["--workers", "1", "--write", str(page), "--json", str(data)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "triggering instants" in done.stdout
+    assert "4 published figures: 4 reproduced" in done.stdout
+    assert "--runs 4 --engine inprocess" in page.read_text()
+    assert len(json.loads(data.read_text())["rows"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing2020"], "nothing2020"),
+        (["wu2018", "--runs", "0"], "runs"),
+        (["wu2018", "--write", "/no/such/folder/page.md"], "/no/such/folder"),
+        (["wu2018", "--set", "sensor.trigger.alfa=0.5"], "alfa"),
+    ],
+)
+def test_mistakes_end_it_before_anything_runs(arguments: list[str], words: str) -> None:
+    command = [sys.executable, "-m", "etac_ros", "reproduce", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode != 0
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
