@@ -45,6 +45,7 @@ setup(
         "mcap>=1.5",
         "numba",
         "numpy",
+        "pyarrow",
         "pydantic>=2",
         "PyYAML",
         "rich",
@@ -54,8 +55,10 @@ setup(
         *([] if jazzy_is_sourced() else ROS_WHEELS),
     ],
     extras_require={
+        "cluster": ["distributed"],
         "test": [
             "colcon-common-extensions",
+            "distributed",
             "hypothesis",
             "jsonschema",
             "mcap-ros2-support",

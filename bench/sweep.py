@@ -21,7 +21,10 @@ from rich.table import Table
 from etac_ros.cli.show import make_console
 from etac_ros.sweep.plan import Plan, make_plan
 from etac_ros.sweep.run import cores, sweep
+from etac_ros.sweep.sample import row_of
 from etac_ros.sweep.workers import Workers, here, processes
+
+_SINGLE = 40
 
 
 def main(
@@ -58,6 +61,18 @@ def main(
     load = os.getloadavg()[0]
     console.print(f"\n{plan.scenario.run.title}, {runs:,} runs, {cores()} cores, load average {load:.1f}")
     console.print(table)
+    console.print(f"a run takes {cpu_of_a_run(plan) * 1e3:.1f} ms of processor time, least of {_SINGLE} warm runs")
+
+
+def cpu_of_a_run(plan: Plan) -> float:
+    """Processor time of a run in this process [s]: it says what an idle machine would do, also where others work."""
+    row_of(plan, 0)
+    times = []
+    for sample in plan.samples[:_SINGLE]:
+        began = time.process_time()
+        row_of(plan, sample)
+        times.append(time.process_time() - began)
+    return min(times)
 
 
 def measured(plan: Plan, way: Workers) -> tuple[float, float]:

@@ -128,13 +128,38 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         If a watch ended the run.
     """
     began = time.perf_counter()
-    asked = windows_of(scenario)
-    # A window costs no message here, so a long one only computes more samples that are then dropped.
-    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
+    windows_of(scenario)
     if bag is not None:
         check_writable(bag)
     graph = checked_graph(scenario)
     warm_up(scenario)
+    run, tick = _simulated(scenario, graph, began, bag)
+    _raise_if_halted(scenario, run.summary.halted, tick)
+    return run
+
+
+def simulate(scenario: Scenario) -> Run:
+    """Run a scenario by calls, and do nothing else: for many runs of scenarios that have been checked and warmed up.
+
+    Returns
+    -------
+    Run
+        Also that of a run which a watch ended: ``summary.halted`` says so.
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot be built.
+    """
+    began = time.perf_counter()
+    return _simulated(scenario, scenario.build(), began, None)[0]
+
+
+def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None) -> tuple[Run, int]:
+    """The run, and the tick at which it ended."""
+    asked = windows_of(scenario)
+    # A window costs no message here, so a long one only computes more samples that are then dropped.
+    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     engine = InProcess(graph, windows)
     started = time.perf_counter()
     recording = engine.run()
@@ -151,8 +176,7 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         halted=engine.master.halted,
         bag=None if bag is None else str(bag),
     )
-    _raise_if_halted(scenario, engine.master.halted, engine.master.tick)
-    return Run(scenario, summary, recording, bag)
+    return Run(scenario, summary, recording, bag), engine.master.tick
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ FLOORS = [
     "report",
     "sweep",
     "reproduce",
+    "tradeoff",
     "cli",
     "__main__",
 ]

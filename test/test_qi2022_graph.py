@@ -18,6 +18,7 @@ from etac_ros.engines.ros.domain import take_domain
 from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.report.figures import data
 from etac_ros.report.source import read_run
+from etac_ros.report.view import View
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy
@@ -139,7 +140,6 @@ def test_report_has_both_bodies_and_the_margin_of_the_relative_sensor(tmp_path: 
     assert list(data.bodies(run.graph)) == ["/sim/plant, SM to PM", "/sim/plant, PM to orbit"]
     pm = data.attitude(run.graph, run.recording, "/sim/plant, PM to orbit")
     assert np.abs(pm.values[0]).max() == pytest.approx(1.5, abs=0.05)
-    found = data.margins(run.graph, run.recording, "/pm/relative_sensor")
-    assert found is not None
+    found = View(run).margins["/pm/relative_sensor"]
     assert np.array_equal(found.errors >= found.thresholds, found.fired)
     assert found.fired.sum() == run.summary.triggers["/pm/relative_sensor"].count - 1

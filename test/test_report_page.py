@@ -20,7 +20,7 @@ from etac_ros.report.page import page
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.report.view import View
 from etac_ros.runs import run_in_process
-from etac_ros.scenario.load import load
+from etac_ros.scenario.load import config_folders, load
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -176,6 +176,13 @@ def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, p
     assert float(reduction["this run"]) == pytest.approx(100.0 * (1.0 - payload / 24_000.0), abs=0.05)
 
 
+def test_what_is_measured_at_the_baseline_stands_in_its_column_alone(whole: ReportedRun, periodic: ReportedRun) -> None:
+    view = View(whole, (whole, periodic))
+    assert view.labels == ("this run", "wu2018", "baseline (periodic)")
+    row = cells(tables.published_table(view), "baseline's payload [bytes]")
+    assert [row[label] for label in view.labels] == ["", "", "24,000"]
+
+
 def test_what_lies_outside_its_band_is_said_to(tmp_path: Path) -> None:
     run = read_run(record(tmp_path / "bag", "sensor.trigger.alpha=0.05", "duration_s=200"))
     view = View(run)
@@ -222,19 +229,48 @@ def test_the_published_baseline_is_not_drawn_over_a_run_of_another_length(folder
     assert View(read_run(folder / "run_2026_01_02")).paper_baseline is None
 
 
-def test_a_baseline_is_compared_with_the_baseline_only(periodic: ReportedRun) -> None:
-    table = tables.published_table(View(periodic))
-    assert table is not None
-    named = [row.cells[0] for row in table.rows]
-    assert "triggering instants" not in named
-    row = cells(table, "baseline's payload [bytes]")
-    assert (row["this run"], row["paper"], row["in the band"]) == ("24,000", "24,000", "yes")
+def test_a_variant_is_compared_with_what_the_paper_publishes_of_it(periodic: ReportedRun, tmp_path: Path) -> None:
+    assert tables.published_table(View(periodic)) is None
+    run_in_process(load("flexible", "periodic", ["duration_s=10"]), tmp_path / "bag")
+    row = cells(tables.published_table(View(read_run(tmp_path / "bag"))), "triggering instants")
+    assert (row["this run"], row["paper"], row["in the band"]) == ("5", "500", "no")
 
 
 def test_captions_say_where_the_paper_shows_the_same(whole: ReportedRun, html: Path) -> None:
     assert View(whole).shown_in("torque") == "figs. 4 and 5"
     text = html.read_text(encoding="utf-8")
     assert "The paper shows the same in its figs.\u00a06 and 7." in text
+
+
+def test_a_variant_takes_away_what_the_paper_does_not_show_of_it() -> None:
+    assert load("flexible").run.published.shown_in == {
+        "attitude": "figs. 4 and 5",
+        "rate": "fig. 6",
+        "torque": "fig. 7",
+        "modes": "figs. 11 and 12",
+        "signal": "fig. 9",
+        "margin": "fig. 8",
+    }
+    smc = load("flexible", "smc")
+    assert smc.run.published.shown_in is not None
+    assert "margin" not in smc.run.published.shown_in
+    assert smc.run.published.shown_in["modes"] == "figs. 19 and 20"
+    assert load("flexible", "periodic").run.published.shown_in is None
+    assert load("shi2022", "periodic").run.published.shown_in == {"energy": "fig. 5"}
+    # Neither stands in the parameter file of a node: rcl has no null.
+    assert "null" not in smc.text
+
+
+def test_a_figure_that_the_paper_does_not_show_has_no_place_in_its_caption(tmp_path: Path) -> None:
+    run_in_process(load("flexible", "smc", ["duration_s=2"]), tmp_path / "bag")
+    view = View(read_run(tmp_path / "bag"))
+    assert (view.shown_in("modes"), view.shown_in("margin"), view.shown_in("energy")) == ("figs. 19 and 20", "", "")
+
+
+def test_scenarios_name_figures_that_there_are() -> None:
+    names = {kind.name for kind in FIGURES}
+    for path in config_folders()[0].glob("*.yaml"):
+        assert set(load(str(path)).run.published.shown_in or {}) <= names, path
 
 
 def test_a_rule_without_margins_has_no_margin_figure(periodic: ReportedRun) -> None:
@@ -254,6 +290,14 @@ def test_axes_with_decades_in_them_are_logarithmic(whole: ReportedRun, periodic:
     assert scales["margin"] == scales["intervals"] == {"log"}
     assert scales["overview"] == {"log", "linear"}
     assert scales["attitude"] == scales["torque"] == scales["bytes"] == {"linear"}
+
+
+def test_every_triggering_instant_that_a_pixel_can_show_has_a_stroke(whole: ReportedRun, periodic: ReportedRun) -> None:
+    figure = Figure()
+    next(kind for kind in FIGURES if kind.name == "raster").draw(View(whole, (periodic,)), figure, LIGHT)
+    strokes = [len(lines.get_segments()) for lines in figure.axes[0].collections]  # type: ignore[attr-defined]
+    # A quarter of a second apart, ten instants share a pixel of 1000 s; no two of these do.
+    assert strokes == [whole.summary.triggers["/sensor"].count, 1000]
 
 
 def test_a_run_that_ended_early_is_said_to_have(whole: ReportedRun) -> None:

@@ -72,7 +72,8 @@ def test_a_sweep_its_summary_and_a_replay(small: SmallScenario, tmp_path: Path) 
 
 
 def test_a_replay_over_dds_is_the_same_run_with_a_bag(small: SmallScenario, tmp_path: Path) -> None:
-    command = ["sweep", str(small()), "--runs", "3", "--perturb", f"{RATE}=normal:2", "--replay", "2"]
+    path = small(("    seed: 3\n", "    seed: 3\n    baseline: clocked\n"))
+    command = ["sweep", str(path), "--runs", "3", "--perturb", f"{RATE}=normal:2", "--replay", "2"]
     calls = etac(*command, "--json", "calls.json", cwd=tmp_path)
     ros = etac(*command, "--engine", "ros", "--bag", "bag", "--json", "ros.json", cwd=tmp_path)
     assert calls.returncode == ros.returncode == 0, calls.stderr + ros.stderr
@@ -80,6 +81,7 @@ def test_a_replay_over_dds_is_the_same_run_with_a_bag(small: SmallScenario, tmp_
     assert (one["engine"], other["engine"]) == ("inprocess", "ros")
     for key in ("final_state", "triggers", "measured", "seed", "overrides"):
         assert one[key] == other[key], key
+    assert one["measured"]["baseline_messages"] == 80.0
     info = etac("info", "bag", cwd=tmp_path)
     assert info.returncode == 0
     assert str(one["seed"]) in info.stdout

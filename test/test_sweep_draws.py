@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.mrp import mrp_to_quaternion
@@ -74,10 +75,11 @@ def test_a_turned_quaternion_keeps_its_norm_and_turns_by_sigma_an_axis(norm: flo
     assert np.linalg.norm(found, axis=1) == pytest.approx(norm, abs=1e-12)
     turned = angles(found / norm, start / norm)
     assert np.sqrt(np.mean(turned**2)) == pytest.approx(2.0 * np.sqrt(3.0), rel=0.04)
-    # Body-fixed: what is added stands behind, conj(q) * found, and has no preferred axis.
-    w, x, y, z = start / norm
-    conjugate = np.array([[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
-    vectors = np.degrees(2.0 * (found / norm) @ conjugate.T)[:, 1:]
+    # Body-fixed: the turn, which is what happens to the unit attitude, stands behind the attitude.
+    turns = many([1.0, 0.0, 0.0, 0.0], rotation_deg=2.0)
+    expected = Rotation.from_quat(np.roll(start / norm, -1)) * Rotation.from_quat(np.roll(turns, -1, axis=1))
+    assert angles(np.roll(expected.as_quat(), 1, axis=1), found / norm).max() < 1e-5
+    vectors = np.degrees(2.0 * turns[:, 1:])
     assert vectors.mean(axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=0.15)
     assert vectors.std(axis=0) == pytest.approx([2.0, 2.0, 2.0], rel=0.06)
 

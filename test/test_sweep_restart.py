@@ -72,9 +72,13 @@ def test_a_line_that_was_cut_off_is_run_again(small: SmallScenario, tmp_path: Pa
     path.unlink()  # as after a power cut: only the journal is there
     journal = path.with_name(path.name + SUFFIX)
     journal.write_bytes(journal.read_bytes()[:-20])
+    again = Counting(2)
+    with pytest.raises(KeyboardInterrupt):
+        sweep_to_file(plan, path, again)
+    assert again.samples == [2, 3]
     rest = Counting()
     assert sweep_to_file(plan, path, rest).complete
-    assert rest.samples == [2, 3, 4, 5, 6, 7]
+    assert rest.samples == [4, 5, 6, 7]
 
 
 @pytest.mark.parametrize("line", [1, 3])
@@ -111,6 +115,10 @@ def test_another_sweep_is_refused(
         sweep_to_file(made(small, 8, *change), path, here)
     assert said in str(caught.value)
     assert path.read_bytes() == before
+    path.unlink()
+    if finished < 8:  # the journal alone says so, too
+        with pytest.raises(ScenarioError, match="what differs"):
+            sweep_to_file(made(small, 8, *change), path, here)
 
 
 def test_more_runs_and_other_files_are_other_sweeps(small: SmallScenario, tmp_path: Path) -> None:

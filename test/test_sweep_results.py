@@ -180,7 +180,13 @@ def test_without_perturbations_only_noise_and_losses_differ(small: SmallScenario
 
 @pytest.mark.parametrize(
     ("wall_s", "left", "workers", "length"),
-    [(0.0, 1000, 2, 1), (0.01, 1000, 2, int(CHUNK_S / 0.01)), (10.0, 1000, 2, 1), (1e-9, 10**6, 2, 256), (0.001, 8, 2, 2)],
-)  # fmt: skip
+    [
+        (0.0, 1000, 2, 1),
+        (0.01, 1000, 2, int(CHUNK_S / 0.01)),
+        (10.0, 1000, 2, 1),
+        (1e-9, 10**6, 2, 256),
+        (0.001, 8, 2, 2),
+    ],
+)
 def test_chunks_are_short_in_time_and_fair_at_the_end(wall_s: float, left: int, workers: int, length: int) -> None:
     assert chunk_length(wall_s, left, workers) == length

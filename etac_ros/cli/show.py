@@ -82,9 +82,7 @@ def _figures(scenario: Scenario, summary: Summary, alike: Collection[str]) -> Ta
 
 def _shown(summary: Summary) -> list[str]:
     broadcasts = {"network_deliveries"} if summary.network.deliveries != summary.network.messages else set()
-    shown = [
-        name for name in summary.measured if name in summary.published or name in broadcasts or stands_alone(name)
-    ]
+    shown = [name for name in summary.measured if name in summary.published or name in broadcasts or stands_alone(name)]
     return [*shown, *(name for name in summary.published if name not in summary.measured)]
 
 

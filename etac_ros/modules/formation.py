@@ -16,6 +16,7 @@ from pydantic import Field, NonNegativeInt
 
 from etac_ros.laws.law import TickArray
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
+from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
 
@@ -168,6 +169,35 @@ class FormationSensor(Module):
         if self._waits and (replied or not self._pulls or not self._places):
             outputs["feedback"] = self._form(tick, row)
         return outputs
+
+    @property
+    def watched_label(self) -> str:
+        """Symbols of the signal."""
+        return self.signal.label
+
+    @property
+    def watched_unit(self) -> str:
+        """Units of the signal; empty where it does not say."""
+        return str(getattr(self.signal, "unit", ""))
+
+    def watched(self, window: Window | None, heard: Heard) -> FloatArray:
+        """What the trigger rule is shown of each sample: the signal with what was known before the tick's messages."""
+        assert window is not None
+        known, ticks, ever = np.zeros_like(self._known), np.zeros_like(self._known_ticks), np.zeros_like(self._heard)
+        parts, start = [], window.start
+        for tick in [*(tick for tick in sorted(heard) if tick < window.last), window.last]:
+            samples = np.ascontiguousarray(window.samples[start - window.start : tick + 1 - window.start])
+            parts.append(self.signal.evaluate(samples, start, known, ticks, ever))
+            start = tick + 1
+            for arrival in heard.get(tick, ()):
+                if arrival.port in self._places:
+                    place = self._places[arrival.port]
+                    known[place], ticks[place], ever[place] = arrival.value, tick, True
+        return np.concatenate(parts)
+
+    def held_by(self, value: FloatArray, tick: int) -> FloatArray:
+        """What the trigger rule compares with after a message: its value."""
+        return value
 
     def _form(self, tick: int, row: FloatArray) -> FloatArray:
         """Form the signal with all that is known now, and hold it for the trigger rule as it is on the wire."""

@@ -45,6 +45,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.traffic_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
+        tables.watched_table(view),
         tables.identity_table(view),
     ):
         if table is not None:
@@ -86,9 +87,12 @@ def lead(view: View) -> str:
         f"{count:,} triggering instants in {run.end_s:g} s put {network.messages:,} messages and "
         f"{network.payload_bytes:,} bytes of payload on the network."
     )
-    if view.other is not None:
-        other = view.other.summary.network
-        text += f" The {view.other_label} put {other.messages:,} messages and {other.payload_bytes:,} bytes."
+    if view.overlaid:
+        beside = [
+            f"{label} put {other.summary.network.messages:,} messages and {other.summary.network.payload_bytes:,} bytes"
+            for label, other in zip(view.labels[1:], view.others, strict=True)
+        ]
+        text += f" Beside it: {'; '.join(beside)}."
     return text
 
 

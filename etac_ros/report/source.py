@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,9 +14,11 @@ from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.run_metadata import RECOVERED
 from etac_ros.engines.recording import Recording
 from etac_ros.errors import BagError, ScenarioError
+from etac_ros.figures import watches_of_module
 from etac_ros.maths.ticks import seconds
 from etac_ros.modules.graph import Graph
-from etac_ros.report.figures.data import last_tick
+from etac_ros.plants.watch import Watch
+from etac_ros.report.figures.data import Curve, energy, held_inputs, last_tick
 from etac_ros.runs import SCENARIO_ATTACHMENT, scenario_in
 from etac_ros.scenario.load import Scenario
 from etac_ros.traffic import Summary, Timing, summarise
@@ -54,6 +58,27 @@ class ReportedRun:
     def is_baseline(self) -> bool:
         """Whether this is the run that its scenario compares itself with."""
         return self.scenario.variant is not None and self.scenario.variant == self.scenario.run.baseline
+
+    @property
+    def kinds_of_plants(self) -> dict[str, str]:
+        """Class of the dynamics of each plant."""
+        return {plant: str(self.scenario.nodes[plant]["dynamics"]["class"]) for plant in self.graph.plants}
+
+    @cached_property
+    def watches(self) -> dict[str, tuple[int, tuple[Watch, ...]]]:
+        """First tick and watched quantities of each node that watches something."""
+        found = {name: watches_of_module(self.graph, self.recording, name) for name in self.graph.modules}
+        return {name: (first, watches) for name, (first, watches) in found.items() if watches}
+
+    @cached_property
+    def held(self) -> dict[str, dict[str, Curve]]:
+        """What each input port of each plant holds."""
+        return {plant: held_inputs(self.graph, self.recording, plant) for plant in self.graph.plants}
+
+    @cached_property
+    def energy(self) -> dict[str, Curve]:
+        """Energy that each plant takes [N^2 m^2 s]."""
+        return {plant: energy(list(ports.values())) for plant, ports in self.held.items()}
 
     @property
     def end_s(self) -> float:
@@ -103,22 +128,44 @@ def read_run(bag: Path) -> ReportedRun:
 
 
 def read_other(bag: Path, run: ReportedRun) -> ReportedRun:
-    """Read the bag of a run that is laid beside another.
+    """Read the bag of a run that is laid over another.
 
     Raises
     ------
     BagError
-        As :func:`read_run`, and if the two are not of one scenario.
+        As :func:`read_run`, and if the two are not of the same kinds of plants: their curves would have nothing in
+        common. Other parameters of the plants do no harm; the page says which differ.
     """
     other = read_run(bag)
-    if other.scenario.name != run.scenario.name or other.graph.plants != run.graph.plants:
+    if other.kinds_of_plants != run.kinds_of_plants:
         raise BagError(
-            f"--against {bag}",
-            f"a run of scenario '{other.scenario.name}' with {', '.join(other.graph.plants)}",
-            f"a run of scenario '{run.scenario.name}' with {', '.join(run.graph.plants)}",
-            f"etac run {run.scenario.name} --baseline records such a bag",
+            f"{bag}",
+            f"a run of scenario '{other.scenario.name}' with {_named(other.kinds_of_plants)}",
+            f"the plants of the first bag, scenario '{run.scenario.name}': {_named(run.kinds_of_plants)}",
+            f"lay only runs of the same plants over each other, for instance variants of {run.scenario.name}",
         )
     return other
+
+
+def plants_apart(run: ReportedRun, other: ReportedRun) -> tuple[str, ...]:
+    """The parameters of the plants in which two runs differ, as ``/plant.dynamics.rate_rad_s``."""
+    found: list[str] = []
+    for plant in run.graph.plants:
+        found += _apart(plant, run.scenario.nodes[plant], other.scenario.nodes[plant])
+    return tuple(found)
+
+
+def _apart(where: str, one: Any, other: Any) -> list[str]:
+    if one == other:
+        return []
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        keys = dict.fromkeys([*one, *other])
+        return [name for key in keys for name in _apart(f"{where}.{key}", one.get(key), other.get(key))]
+    return [where]
+
+
+def _named(kinds: Mapping[str, str]) -> str:
+    return ", ".join(f"{plant} ({kind})" for plant, kind in kinds.items())
 
 
 def _scenario(bag: Path, found: Bag) -> Scenario:

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from etac_ros.figures import label, stands_alone
-from etac_ros.report.source import ReportedRun
+from etac_ros.report.figures.style import symbols
+from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
 from etac_ros.scenario.schema import PublishedFigure
 from etac_ros.traffic import Summary, Topic, Totals, with_measured
 
+_Cells = dict[str, tuple[str, ...]]
+"""Cells of one run by what stands at the head of their row."""
 _KINDS = ("network", "internal", "emulation")
-_OF_BASELINE = "baseline_"
-_AGAINST_BASELINE = (_OF_BASELINE, "reduction_")
+_AT_BASELINE = ("baseline_messages", "baseline_payload_bytes")
+"""What is measured at the baseline, and stands in its column."""
 
 
 @dataclass(frozen=True)
@@ -64,29 +67,15 @@ def measured(view: View) -> dict[str, float]:
     """The figures that stand beside the published ones, by their names."""
     baseline = view.baseline
     found = with_measured(view.run.summary, None if baseline is None else baseline.summary).measured
-    if view.run.is_baseline:
-        # The paper's other figures are those of its event-triggered run.
-        found = {
-            f"{_OF_BASELINE}messages": found["network_messages"],
-            f"{_OF_BASELINE}payload_bytes": found["network_payload_bytes"],
-        }
-    elif baseline is None and view.paper_baseline is not None and view.paper_baseline.value > 0.0:
+    if baseline is None and view.paper_baseline is not None and view.paper_baseline.value > 0.0:
         ratio = view.run.summary.network.payload_bytes / view.paper_baseline.value
         found = {**found, "reduction_percent": 100.0 * (1.0 - ratio)}
     return found
 
 
-def published(view: View) -> dict[str, PublishedFigure]:
-    """The paper's figures that a run of this kind can be compared with."""
-    figures = dict(view.run.scenario.published)
-    if view.run.is_baseline:
-        return {name: figure for name, figure in figures.items() if name.startswith(_OF_BASELINE)}
-    return figures
-
-
 def identity_table(view: View) -> Table:
     """What was run, so that it can be run again."""
-    runs = _runs(view)
+    runs = view.runs
     rows = [
         ("scenario", [run.scenario.name for run in runs]),
         ("variant", [run.scenario.variant or "none" for run in runs]),
@@ -98,41 +87,39 @@ def identity_table(view: View) -> Table:
         ("etac_ros", [run.metadata.get("version") or "unknown" for run in runs]),
         ("digest", [run.metadata.get("digest") or "unknown" for run in runs]),
     ]
-    headings = _headings(view)
     return Table(
-        "The run",
-        ("", *headings),
+        "The runs" if view.overlaid else "The run",
+        ("", *view.labels),
         tuple(Row((name, *values)) for name, values in rows),
-        texts=frozenset(headings),
+        texts=frozenset(view.labels),
     )
 
 
 def published_table(view: View) -> Table | None:
     """Figures of this run beside those of the paper; None if there is nothing of the paper to show."""
-    here, paper = measured(view), published(view)
+    here, paper = measured(view), view.run.scenario.published
     if not paper:
         return None
-    names = [name for name in here if name in paper or (stands_alone(name) and not name.startswith(_OF_BASELINE))]
+    names = [name for name in here if name in paper or (stands_alone(name) and name not in _AT_BASELINE)]
     names += [name for name in paper if name not in here]
     rows = []
     for name in names:
         figure, value = paper.get(name), here.get(name)
-        # What was measured at the baseline stands in the baseline's column.
-        of_other = view.baseline is not None and name.startswith(_OF_BASELINE)
+        of_baseline = view.baseline is not None and name in _AT_BASELINE
         cells = [
             label(name, view.run.summary.triggers, "" if figure is None else figure.label),
-            "" if value is None or of_other else _number(value),
+            "" if value is None or of_baseline else _number(value),
             "" if figure is None else _number(figure.value),
             _band(figure),
             _verdict(value, figure),
         ]
-        if view.other is not None:
-            beside = value if of_other else _beside(view.other, name)
+        for other in view.others:
+            beside = _beside(view, other).get(name)
             cells.append("" if beside is None else _number(beside))
         rows.append(Row(tuple(cells)))
     return Table(
         "Beside the published figures",
-        ("", "this run", view.source, "band", "in the band", *_headings(view)[1:]),
+        ("", view.labels[0], view.source, "band", "in the band", *view.labels[1:]),
         tuple(rows),
         _published_notes(view),
     )
@@ -140,7 +127,7 @@ def published_table(view: View) -> Table | None:
 
 def traffic_table(view: View) -> Table:
     """What each topic carried, kinds apart."""
-    runs = [run.summary for run in _runs(view)]
+    runs = [run.summary for run in view.runs]
     rows = []
     for kind in _KINDS:
         names = list(dict.fromkeys(name for run in runs for name, topic in run.topics.items() if topic.kind == kind))
@@ -152,11 +139,10 @@ def traffic_table(view: View) -> Table:
             rows.append(Row((name, *_counts(topics), of.type.replace("/msg/", "/"))))
         rows.append(Row((f"all {kind}", *_counts([_totals(run, kind) for run in runs]), ""), strong=True))
     columns = ("messages", "payload [bytes]", "CDR [bytes]")
-    headings: tuple[str, ...] = columns
+    headings = (*columns, *(columns[:2] * len(view.others)))
     groups: tuple[tuple[str, int], ...] = ()
-    if view.other is not None:
-        headings = (*columns, *columns[:2])
-        groups = (("", 1), ("this run", 3), (view.other_label, 2), ("", 1))
+    if view.overlaid:
+        groups = (("", 1), (view.labels[0], 3), *((name, 2) for name in view.labels[1:]), ("", 1))
     return Table(
         "What crossed the links",
         ("topic", *headings, "type"),
@@ -173,23 +159,23 @@ def traffic_table(view: View) -> Table:
 
 def trigger_table(view: View) -> Table | None:
     """Triggering instants of each sensor; None if no module triggers."""
-    rows = []
-    for run, heading in zip(_runs(view), _headings(view), strict=True):
-        for name, triggers in run.summary.triggers.items():
-            spans = (triggers.min_interval_s, triggers.mean_interval_s, triggers.max_interval_s)
-            cells = ["" if span is None else f"{span:.4g}" for span in spans]
-            words = name if view.other is None else f"{name}, {heading}"
-            rows.append(Row((words, f"{triggers.count:,}", *cells)))
-    if not rows:
-        return None
-    columns = ("sensor", "triggering instants", "shortest interval [s]", "mean [s]", "longest [s]")
-    return Table("Triggering", columns, tuple(rows))
+    found: list[_Cells] = [
+        {
+            name: (f"{triggers.count:,}", _span(triggers.min_interval_s), _span(triggers.mean_interval_s),
+                   _span(triggers.max_interval_s))
+            for name, triggers in run.summary.triggers.items()
+        }
+        for run in view.runs
+    ]  # fmt: skip
+    columns = ("triggering instants", "shortest interval [s]", "mean [s]", "longest [s]")
+    return _of_runs("Triggering", "sensor", columns, view, found) if any(found) else None
 
 
 def performance_table(view: View) -> Table:
     """How well each plant pointed, and at what cost."""
-    rows = []
-    for run, heading in zip(_runs(view), _headings(view), strict=True):
+    found: list[_Cells] = []
+    for run in view.runs:
+        of_run: _Cells = {}
         for name, figures in run.summary.performance.items():
             numbers = (
                 figures.attitude_error_deg,
@@ -197,43 +183,94 @@ def performance_table(view: View) -> Table:
                 figures.rate_deg_s,
                 figures.max_rate_deg_s,
             )
-            words = name if view.other is None else f"{name}, {heading}"
-            energy = f"{figures.energy_n2m2s:.4g}"
-            rows.append(Row((words, *(f"{number:.3g}" for number in numbers), energy)))
-    return Table(
-        "Pointing",
-        (
-            "plant",
-            "error at the end [deg]",
-            "largest* [deg]",
-            "rate at the end [deg/s]",
-            "largest* [deg/s]",
-            "energy [N²m²s]",
-        ),
-        tuple(rows),
-        (f"* from {view.run.summary.steady_from_s:g} s on. Energy: integral of the square of the held torque.",),
+            of_run[name] = (*(f"{number:.3g}" for number in numbers), f"{figures.energy_n2m2s:.4g}")
+        found.append(of_run)
+    columns = (
+        "error at the end [deg]",
+        "largest* [deg]",
+        "rate at the end [deg/s]",
+        "largest* [deg/s]",
+        "energy [N²m²s]",
     )
+    note = f"{_steady_note(view)} Energy: integral of the square of the held torque."
+    return _of_runs("Pointing", "plant", columns, view, found, (note,))
+
+
+def watched_table(view: View) -> Table | None:
+    """Extremes of the watched quantities; None if nothing is watched."""
+    found: list[_Cells] = [
+        {
+            f"{node}, {symbols(watch.name)}{_bracketed(watch.unit)}": (
+                f"{watch.largest:.4g}",
+                f"{watch.at_s:g}",
+                watch.axis,
+                f"{watch.steady:.3g}",
+                f"{watch.final:.3g}",
+                "" if watch.notice is None else f"{watch.notice:g}",
+                "" if watch.bound is None else f"{watch.bound:g}",
+            )
+            for node, watches in run.summary.watches.items()
+            for watch in watches
+        }
+        for run in view.runs
+    ]
+    columns = ("largest", "at [s]", "axis", "largest*", "at the end", "notice", "limit")
+    notes = (f"{_steady_note(view)} Notice: a bound that is only reported. Beyond the limit a run ends.",)
+    return _of_runs("Watched", "watched", columns, view, found, notes) if any(found) else None
 
 
 def remarks(view: View) -> tuple[str, ...]:
     """What a reader has to know before believing any of the rest."""
     found = []
-    for run, heading in zip(_runs(view), _headings(view), strict=True):
-        whose = "This run" if heading == "this run" else f"The {heading}"
+    for number, (run, heading) in enumerate(zip(view.runs, view.labels, strict=True)):
+        whose = f"{heading[:1].upper()}{heading[1:]}" if number == 0 else f"The run '{heading}'"
         if run.was_recovered:
             found.append(f"{whose}: the bag had been cut off and was repaired ({run.was_recovered}).")
         if not run.is_complete:
             of = run.scenario.run.duration_s
             found.append(f"{whose} ended before its time: {run.end_s:g} s of {of:g} s stand in the bag.")
+        apart = plants_apart(view.run, run)
+        if apart:
+            found.append(f"{whose} is of a plant with other parameters: {', '.join(apart)}.")
     return tuple(found)
 
 
-def _runs(view: View) -> tuple[ReportedRun, ...]:
-    return (view.run,) if view.other is None else (view.run, view.other)
+def _of_runs(
+    title: str,
+    first: str,
+    columns: tuple[str, ...],
+    view: View,
+    found: list[_Cells],
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """One run: a row for each name. Several: a row for each name and figure, and a column for each run."""
+    if not view.overlaid:
+        rows = tuple(Row((name, *cells)) for name, cells in found[0].items())
+        return Table(title, (first, *columns), rows, notes)
+    names = dict.fromkeys(name for of_run in found for name in of_run)
+    rows = tuple(
+        Row((f"{name}: {column}", *cells))
+        for name in names
+        for place, column in enumerate(columns)
+        if any(cells := [of_run[name][place] if name in of_run else "" for of_run in found])
+    )
+    return Table(title, (first, *view.labels), rows, notes)
 
 
-def _headings(view: View) -> tuple[str, ...]:
-    return ("this run",) if view.other is None else ("this run", view.other_label)
+def _steady_note(view: View) -> str:
+    starts = [run.summary.steady_from_s for run in view.runs]
+    if len(set(starts)) == 1:
+        return f"* from {starts[0]:g} s on."
+    of_runs = (f"{start:g} s on ({name})" for start, name in zip(starts, view.labels, strict=True))
+    return f"* from {', '.join(of_runs)}."
+
+
+def _span(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds:.4g}"
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{symbols(unit)}]" if unit not in ("", "1") else ""
 
 
 def _overrides(values: dict[str, Any]) -> str:
@@ -243,11 +280,6 @@ def _overrides(values: dict[str, Any]) -> str:
 def _published_notes(view: View) -> tuple[str, ...]:
     notes = []
     run = view.run
-    if run.scenario.variant and not run.is_baseline:
-        notes.append(
-            f"This run is the scenario's variant '{run.scenario.variant}': what was published may be meant for the "
-            "scenario without it."
-        )
     if run.overrides:
         notes.append(
             "The published figures belong to the scenario as it stands in its file; this run overrides "
@@ -259,8 +291,14 @@ def _published_notes(view: View) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _beside(other: ReportedRun, name: str) -> float | None:
-    return None if name.startswith(_AGAINST_BASELINE) else other.summary.measured.get(name)
+def _beside(view: View, other: ReportedRun) -> dict[str, float]:
+    """The figures of another run: of the baseline those measured at it, of others also those against it."""
+    baseline = view.baseline
+    if other is baseline:
+        here = measured(view)
+        return {**other.summary.measured, **{name: here[name] for name in _AT_BASELINE}}
+    found = with_measured(other.summary, None if baseline is None else baseline.summary).measured
+    return {name: value for name, value in found.items() if name not in _AT_BASELINE}
 
 
 def _counts(counted: list[Topic | None] | list[Totals]) -> tuple[str, ...]:

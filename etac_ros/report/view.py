@@ -1,11 +1,13 @@
-"""What the pages and figures look at: a run, perhaps another one beside it, and where its transient ends."""
+"""What the pages and figures look at: a run, perhaps others laid over it, and where its transient ends."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.report.figures.data import Margins, attitude_angle, margins, transient_end_s, trigger_modules
+from etac_ros.report.figures.data import attitude_angle, transient_end_s, trigger_modules
+from etac_ros.report.figures.decisions import Decisions, Margins, decisions, margins
 from etac_ros.report.source import ReportedRun
 from etac_ros.scenario.schema import PublishedFigure
 
@@ -18,41 +20,82 @@ class View:
     ----------
     run
         The run that is reported.
-    other
-        Another run of the same scenario, its baseline as a rule; None if none was given.
+    others
+        Runs of the same plants that are laid over it: its baseline, other variants, other controllers.
     """
 
     run: ReportedRun
-    other: ReportedRun | None = None
+    others: tuple[ReportedRun, ...] = ()
+
+    @property
+    def runs(self) -> tuple[ReportedRun, ...]:
+        """The reported run, then the others."""
+        return (self.run, *self.others)
+
+    @property
+    def overlaid(self) -> bool:
+        """Whether there is more than one run."""
+        return bool(self.others)
+
+    @cached_property
+    def alone(self) -> View:
+        """The reported run without the others, for what cannot be laid over each other."""
+        return View(self.run) if self.overlaid else self
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """What each run is called, all different."""
+        variant = self.run.scenario.variant
+        named = self.overlaid and variant is not None
+        labels = [f"this run ({variant})" if named else "this run", *(self._label(other) for other in self.others)]
+        twice = {label for label, count in Counter(labels).items() if count > 1}
+        labels = [
+            f"{label}, {_short(run)}" if label in twice and run.overrides else label
+            for label, run in zip(labels, self.runs, strict=True)
+        ]
+        seen: Counter[str] = Counter()
+        for place, label in enumerate(labels):
+            seen[label] += 1
+            labels[place] = f"{label} ({seen[label]})" if seen[label] > 1 else label
+        return tuple(labels)
+
+    @property
+    def end_s(self) -> float:
+        """Where the time axes end: with the longest run [s]."""
+        return max(run.end_s for run in self.runs)
 
     @cached_property
     def cut_s(self) -> float | None:
-        """Where the steady state begins, the same in all figures [s]; None if the figures stay whole."""
+        """Where the steady state of the reported run begins, the same in all figures [s]; None if they stay whole."""
         run = self.run
-        return transient_end_s([attitude_angle(run.graph, run.recording, plant) for plant in run.graph.plants])
+        errors = [attitude_angle(run.graph, run.recording, plant) for plant in run.graph.plants]
+        return transient_end_s(errors, run.summary.steady_from_s)
+
+    @property
+    def steady_words(self) -> str:
+        """Where the steady figures of the reported run come from, to begin a sentence with."""
+        steady_from_s = self.run.summary.steady_from_s
+        return f"From {steady_from_s:g} s on" if steady_from_s < self.run.end_s else "At its end"
+
+    @cached_property
+    def decisions(self) -> dict[str, Decisions]:
+        """What the trigger rule of each module was shown, where that can be recomputed."""
+        run = self.run
+        found = {name: decisions(run.graph, run.recording, name) for name in trigger_modules(run.graph)}
+        return {name: shown for name, shown in found.items() if shown is not None}
 
     @cached_property
     def margins(self) -> dict[str, Margins]:
-        """What the trigger rule of each sensor compared, where it compares anything."""
-        graph = self.run.graph
-        found = {name: margins(graph, self.run.recording, name) for name in trigger_modules(graph)}
+        """What the trigger rule of each module compared, where it compares anything."""
+        found = {name: margins(self.run.graph, shown, name) for name, shown in self.decisions.items()}
         return {name: compared for name, compared in found.items() if compared is not None}
 
     @property
-    def other_label(self) -> str:
-        """What the other run is called beside this one."""
-        if self.other is None:
-            return ""
-        variant = self.other.scenario.variant
-        if self.other.is_baseline:
-            return f"baseline ({variant})"
-        return f"variant {variant}" if variant and variant != self.run.scenario.variant else "other run"
-
-    @property
     def baseline(self) -> ReportedRun | None:
-        """The other run where it is the measured baseline of this one."""
-        other = self.other
-        return other if other is not None and other.is_baseline and not self.run.is_baseline else None
+        """The first of the other runs that is the measured baseline of this one."""
+        if self.run.is_baseline:
+            return None
+        return next((other for other in self.others if self._is_baseline(other)), None)
 
     @property
     def paper_baseline(self) -> PublishedFigure | None:
@@ -69,4 +112,20 @@ class View:
     def shown_in(self, figure: str) -> str:
         """Where the paper shows the same, as ``figs. 4 and 5``; empty if the scenario does not say."""
         places = self.run.scenario.run.published.shown_in or {}
-        return places.get(figure, "")
+        return places.get(figure) or ""
+
+    def _is_baseline(self, other: ReportedRun) -> bool:
+        return other.is_baseline and other.scenario.name == self.run.scenario.name
+
+    def _label(self, other: ReportedRun) -> str:
+        variant, name = other.scenario.variant, other.scenario.name
+        if self._is_baseline(other):
+            return f"baseline ({variant})"
+        if variant is None:
+            return name
+        return variant if name == self.run.scenario.name else f"{name}, {variant}"
+
+
+def _short(run: ReportedRun) -> str:
+    """What a run overrides, each key by its last word."""
+    return ", ".join(f"{key.rpartition('.')[2]}={value}" for key, value in run.overrides.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,17 +26,17 @@ class ReportError(EtacError):
     """A report cannot be written."""
 
 
-def write_report(bag: Path, output: Path | None = None, against: Path | None = None) -> Path:
-    """Draw a report from a bag alone: one PNG file a figure, and one page that holds them all.
+def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = None) -> Path:
+    """Draw a report from bags alone: one PNG file a figure, and one page that holds them all.
 
     Parameters
     ----------
     bag
-        Directory of the bag.
+        Directory of the bag that is reported.
+    others
+        Bags of runs of the same plants to lay over it: its baseline, other variants, other controllers.
     output
         Folder of the report, made if it is not there; None is ``BAG/report``.
-    against
-        Bag of another run of the same scenario, its baseline as a rule, to lay beside it.
 
     Returns
     -------
@@ -45,12 +46,12 @@ def write_report(bag: Path, output: Path | None = None, against: Path | None = N
     Raises
     ------
     BagError
-        If a bag cannot be read, carries no scenario, or ``against`` is of another scenario.
+        If a bag cannot be read, carries no scenario, or holds a run of other plants than the first.
     ReportError
         If the folder cannot be written to.
     """
     run = read_run(bag)
-    view = View(run, None if against is None else read_other(against, run))
+    view = View(run, tuple(read_other(other, run) for other in others))
     folder = bag / "report" if output is None else output
     try:
         # Before drawing, which takes seconds: they should not be lost on a folder that cannot be written to.

@@ -31,7 +31,7 @@ from etac_ros.scenario.document import (
 )
 from etac_ros.scenario.faults import field_names
 from etac_ros.scenario.formation import FORMATION, expanded
-from etac_ros.scenario.schema import NodeSection, Published, PublishedFigure, RunSection
+from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
@@ -81,7 +81,7 @@ class Scenario:
     @property
     def text(self) -> str:
         """The complete parameter file of this run."""
-        everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare"})
+        everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
         if not everywhere["perturb"]:
             del everywhere["perturb"]
         return write_sections({EVERYWHERE: everywhere, **self.nodes})
@@ -92,7 +92,7 @@ class Scenario:
         everywhere = self.run.model_dump(
             mode="json",
             by_alias=True,
-            exclude={"published", "title", "baseline", "compare", "windows", "variant", "perturb"},
+            exclude={"published", "title", "baseline", "compare", "windows", "variant", "perturb", "tradeoff"},
         )
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
@@ -213,7 +213,7 @@ def _with_own_figures(file: Tree, laid: Tree, variant: str, path: Path) -> Tree:
     published = file[EVERYWHERE].get("published")
     if not block or not isinstance(published, dict):
         return laid
-    kept = {key: value for key, value in published.items() if key in field_names(Published)}
+    kept = {key: value for key, value in published.items() if key == "source"}
     own = merged(kept, block.get("published") or {})
     return {**laid, EVERYWHERE: {**laid[EVERYWHERE], "published": own}}
 

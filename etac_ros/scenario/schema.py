@@ -159,6 +159,50 @@ class Perturbation(Parameters):
         return self
 
 
+def _each_once(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not values or len(set(values)) < len(values):
+        raise ValueError("one number or more, each once")
+    return values
+
+
+def _one_or_two(vary: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+    if not 1 <= len(vary) <= 2:
+        names = ", ".join(vary) or "none"
+        raise ValueError(f"one key or two, as NODE.KEY: [values], are varied along a curve; found: {names}")
+    return vary
+
+
+def _some(curves: dict[str, TradeoffCurve]) -> dict[str, TradeoffCurve]:
+    if not curves:
+        raise ValueError("one curve or more, by name")
+    return curves
+
+
+Varied = Annotated[tuple[int | FiniteFloat, ...], AfterValidator(_each_once)]
+
+
+class TradeoffCurve(Parameters):
+    """One curve of a trade-off: a variant with one key varied, or with a grid of two."""
+
+    label: str = Field(default="", description="what it is called; default: its name")
+    variant: str | None = Field(default=None, description="default: the file as it stands")
+    vary: Annotated[dict[str, Varied], AfterValidator(_one_or_two)] = Field(description="values by NODE.KEY")
+
+
+class TradeoffSection(Parameters):
+    """What `etac tradeoff` lays beside each other: traffic against steady error and energy."""
+
+    error: str = Field(
+        default="max_attitude_error_deg",
+        description="the steady error: a figure of a run, or a published one with a measure; the largest of all plants",
+    )
+    paper: tuple[str, ...] = Field(
+        default=(), description="variants that are the paper's own points; default: the file as it stands"
+    )
+    curves: Annotated[dict[str, TradeoffCurve], AfterValidator(_some)]
+    periodic: TradeoffCurve = Field(description="the time-triggered curve with which the others are compared")
+
+
 class RunSection(Parameters):
     """The section ``/**``: what concerns the whole run."""
 
@@ -179,6 +223,7 @@ class RunSection(Parameters):
     perturb: dict[str, Perturbation | None] = Field(
         default={}, description="what `etac sweep` draws anew for each run, by NODE.KEY; null draws nothing"
     )
+    tradeoff: TradeoffSection | None = None
     published: Published = Published()
 
 

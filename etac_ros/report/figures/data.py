@@ -6,7 +6,7 @@ whose values hold until the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +14,14 @@ import numpy as np
 from etac_ros.engines.recording import Recording
 from etac_ros.figures import trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.contract import Window
+from etac_ros.modules.contract import Arrival, Bag
 from etac_ros.modules.graph import Graph, LinkKind
 from etac_ros.modules.plant import PlantModule
-from etac_ros.modules.sensor import Sensor
-from etac_ros.modules.tracking import RelativeSensor
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of
+from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of, modes_slice_of
 
-_LAST_PART = 0.4
-"""The part of a run that is taken for its steady state, as in the summary."""
 _SETTLED = 2.0
-"""A run has settled when its error stays within so many times the largest of the last part."""
+"""A run has settled when its error stays within so many times the largest of the steady part."""
 
 
 @dataclass(frozen=True)
@@ -49,26 +45,6 @@ class Curve:
         if last < self.times_s.size and self.times_s[last] == end_s:
             last += 1
         return Curve(self.times_s[first:last], self.values[first:last])
-
-
-@dataclass(frozen=True)
-class Margins:
-    """How near a sensor was to triggering, at every tick after its first transmission.
-
-    Attributes
-    ----------
-    ticks
-        Ticks at which the rule was asked, ascending.
-    errors, thresholds
-        What it compared: it fires where the error has reached the threshold.
-    fired
-        Whether the tick is a triggering instant.
-    """
-
-    ticks: np.ndarray[tuple[int], np.dtype[np.int64]]
-    errors: FloatArray
-    thresholds: FloatArray
-    fired: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 def dynamics(graph: Graph, plant: str) -> Plant:
@@ -120,6 +96,14 @@ def rate(graph: Graph, recording: Recording, row: str) -> Curve:
     return _of_states(graph, recording, plant, lambda _, states: np.degrees(body.rates(states)))
 
 
+def modes(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Modal coordinates of a plant, in the units of its labels; no column where it has none."""
+    first, states = recording.samples(plant)
+    ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
+    where = modes_slice_of(dynamics(graph, plant))
+    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), states[:, where])
+
+
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
     """What each input port of a plant holds, as a staircase from the first committed tick to the last.
 
@@ -130,20 +114,19 @@ def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Cur
     last = first + states.shape[0] - 1
     curves = {}
     for port, size in dynamics(graph, plant).inputs.items():
-        bags = _arrivals(graph, recording, plant, port)
         held = {first: np.zeros(size)}
-        for (tick, _), values in sorted(bags.items()):
-            if tick <= last:
-                held[tick] = np.sum(values, axis=0)
+        for (tick, _), bag in sorted(_bags(graph, recording, plant).items()):
+            values = [arrival.value for arrival in bag if arrival.port == port]
+            if values and tick <= last:
+                held[tick] = values[0] if len(values) == 1 else np.sum(values, axis=0)
         ticks = [*held, last]
         values = [*held.values(), next(reversed(held.values()))]
         curves[port] = Curve(seconds(np.array(ticks), graph.ticks_per_second), np.array(values))
     return curves
 
 
-def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
-    """Integral of the squared held torques up to each of their steps [N^2 m^2 s]; straight lines between."""
-    held = list(held_inputs(graph, recording, plant).values())
+def energy(held: Sequence[Curve]) -> Curve:
+    """Integral of the squared held inputs up to each of their steps [N^2 m^2 s]; straight lines between."""
     times = np.unique(np.concatenate([curve.times_s for curve in held]))
     power = np.zeros(times.size)
     for curve in held:
@@ -153,57 +136,13 @@ def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
     return Curve(times, total[:, np.newaxis])
 
 
-def margins(graph: Graph, recording: Recording, sensor: str) -> Margins | None:
-    """Recompute what a trigger rule compared, from the committed samples and the values on the wire.
-
-    Parameters
-    ----------
-    graph
-        No engine has run it: its sensor modules measure once more, through the same noise and filter.
-    recording
-        Of the same scenario.
-    sensor
-        Full name of a module.
-
-    Returns
-    -------
-    Margins or None
-        None where there is no such comparison: the module is no sensor, or its rule goes by time.
-    """
-    module = graph.modules[sensor]
-    links = graph.sends[sensor]
-    if not isinstance(module, Sensor | RelativeSensor) or not links:
-        return None
-    plant = graph.reads[sensor]
-    first, states = recording.samples(plant)
-    # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
-    end = min(first + states.shape[0], graph.end_tick)
-    if isinstance(module, Sensor):
-        signals = module.watched(Window(plant, 1, first, states))
-    else:
-        torques = [message for link in graph.hears[sensor] for message in recording.messages[link.name]]
-        ticks = np.array([message.tick for message in torques if message.tick < end])
-        if not np.array_equal(ticks, np.arange(first, end)):
-            return None  # it is not asked at every tick
-        signals = module.watched(states[: end - first], np.array([m.value for m in torques[: ticks.size]]), ticks)
-    sent = [message for message in recording.messages[links[0].name] if message.tick < end]
-    parts = []
-    for message, until in zip(sent, [*(m.tick for m in sent[1:]), end - 1], strict=True):
-        part = signals[message.tick + 1 - first : until + 1 - first]
-        pair = module.trigger.margin(part, message.tick + 1, module.held_by(message.value, message.tick))
-        if pair is None:
-            return None
-        parts.append(pair)
-    if not parts:
-        return None
-    instants = np.array([message.tick for message in sent])
-    ticks = np.arange(instants[0] + 1, end)
-    return Margins(
-        ticks,
-        np.concatenate([errors for errors, _ in parts]),
-        np.concatenate([thresholds for _, thresholds in parts]),
-        np.isin(ticks, instants),
-    )
+def heard(graph: Graph, recording: Recording, module: str, end_tick: int) -> Mapping[int, Bag]:
+    """All that arrived at a module before a tick, by tick, in the order of its steps."""
+    found: dict[int, Bag] = {}
+    for (tick, _), bag in sorted(_bags(graph, recording, module).items(), key=lambda item: item[0]):
+        if tick < end_tick:
+            found[tick] = (*found.get(tick, ()), *bag)
+    return found
 
 
 def instants_s(graph: Graph, recording: Recording, module: str) -> FloatArray:
@@ -235,45 +174,48 @@ def cumulative_bytes(graph: Graph, recording: Recording) -> Curve:
     return Curve(np.asarray(seconds(ticks, rate_1_s)), np.asarray(totals, dtype=np.float64)[:, np.newaxis])
 
 
-def transient_end_s(errors: list[Curve]) -> float | None:
+def transient_end_s(errors: list[Curve], steady_from_s: float) -> float | None:
     """Where the transient ends and the steady state begins, a round number of seconds.
 
-    The steady state begins when every error stays within twice its largest of the last 40 %. There is none where
-    an error still falls by more than that within this last part.
+    The steady state begins when every error stays within twice its largest of the steady part. There is none where
+    an error still falls by more than that within this part, or where the run ended before it.
 
     Parameters
     ----------
     errors
         One curve a plant, each of one column.
+    steady_from_s
+        Where the part begins from which the steady figures of the summary are taken [s].
 
     Returns
     -------
     float or None
         None if there is no transient, or nothing else.
     """
-    if any(_still_falls(curve) for curve in errors):
-        return None
-    ends = [_settled_s(curve) for curve in errors]
     duration = min(float(curve.times_s[-1]) for curve in errors)
-    if duration <= 0.0 or max(ends) <= 0.0:
+    if duration <= steady_from_s or any(_still_falls(curve, steady_from_s) for curve in errors):
+        return None
+    end = max(_settled_s(curve, steady_from_s) for curve in errors)
+    if end <= 0.0:
         return None
     step = _round_up(duration / 20.0)
-    return step * float(np.ceil(max(ends) / step))
+    cut = step * float(np.ceil(end / step))
+    return cut if cut < duration else None
 
 
-def _late(error: Curve) -> tuple[FloatArray, int]:
-    """Sizes of an error, and where the last part of the run begins."""
-    return np.abs(error.values[:, 0]), int(np.floor((1.0 - _LAST_PART) * error.times_s.size))
+def _late(error: Curve, steady_from_s: float) -> tuple[FloatArray, int]:
+    """Sizes of an error, and where the steady part of the run begins."""
+    return np.abs(error.values[:, 0]), int(np.searchsorted(error.times_s, steady_from_s))
 
 
-def _still_falls(error: Curve) -> bool:
-    size, late = _late(error)
+def _still_falls(error: Curve, steady_from_s: float) -> bool:
+    size, late = _late(error, steady_from_s)
     middle = (late + size.size) // 2
     return middle > late and bool(size[late:middle].max() > _SETTLED * size[middle:].max())
 
 
-def _settled_s(error: Curve) -> float:
-    size, late = _late(error)
+def _settled_s(error: Curve, steady_from_s: float) -> float:
+    size, late = _late(error, steady_from_s)
     outside = np.flatnonzero(size > _SETTLED * size[late:].max())
     return float(error.times_s[outside[-1]]) if outside.size else 0.0
 
@@ -292,16 +234,15 @@ def _of_states(
     return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_of(body, states, first)))
 
 
-def _arrivals(graph: Graph, recording: Recording, plant: str, port: str) -> Mapping[tuple[int, int], list[FloatArray]]:
-    """Values by tick and step of arrival."""
-    bags: dict[tuple[int, int], list[FloatArray]] = {}
-    for link in graph.hears[plant]:
-        if link.receivers[plant] != port:
-            continue
+def _bags(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int, int], Bag]:
+    """What arrives at a module, by tick and step of arrival; the channels are taken into account."""
+    bags: dict[tuple[int, int], list[Arrival]] = {}
+    for link in graph.hears[module]:
         delay = link.channel.delay_ticks
         for message in recording.messages[link.name]:
-            if not link.channel.loses(plant, message.sequence, message.tick):
+            if link.channel.ideal or not link.channel.loses(module, message.sequence, message.tick):
                 # Whatever comes late comes in the first step of its tick, whichever step it was sent in.
                 arrived = message.tick + delay, 0 if delay else message.step
-                bags.setdefault(arrived, []).append(message.value)
-    return bags
+                arrival = Arrival(link.receivers[module], link.name, message.value)
+                bags.setdefault(arrived, []).append(arrival)
+    return {when: tuple(bag) for when, bag in bags.items()}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from etac_ros.report.figures import data, panels
+from etac_ros.report.figures import panels
 from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
-from etac_ros.report.figures.panels import Panel
-from etac_ros.report.figures.style import Theme, power_of_ten
+from etac_ros.report.figures.panels import Panel, Style
+from etac_ros.report.figures.style import BUCKETS, Theme, plain_logarithmic, prefixed
 from etac_ros.report.source import ReportedRun
 from etac_ros.report.view import View
 
@@ -18,47 +20,67 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _UNIT = "N²m²s"
+_LOG_FROM = 30.0
+"""Between runs of which one spends so many times as much as another, the axis is logarithmic."""
 
 
 def _since(curve: Curve, panel: Panel) -> Curve:
-    """What was spent from the panel's start on; the curve is straight between its points."""
-    inside = (curve.times_s > panel.start_s) & (curve.times_s < panel.end_s)
-    times = np.concatenate([[panel.start_s], curve.times_s[inside], [panel.end_s]])
+    """What was spent from the panel's start on; the curve is straight between its points and ends with its run."""
+    end_s = min(panel.end_s, float(curve.times_s[-1]))
+    inside = (curve.times_s > panel.start_s) & (curve.times_s < end_s)
+    times = (
+        np.concatenate([[panel.start_s], curve.times_s[inside], [end_s]])
+        if end_s > panel.start_s
+        else curve.times_s[:1]
+    )
     spent = np.interp(times, curve.times_s, curve.values[:, 0])
     return Curve(times, (spent - spent[0])[:, np.newaxis])
 
 
-def _spent(run: ReportedRun, panel: Panel) -> dict[str, Curve]:
-    return {plant: _since(data.energy(run.graph, run.recording, plant), panel) for plant in run.graph.plants}
+@dataclass(frozen=True)
+class _Line:
+    """Energy that some plants of a run take, and how it is drawn."""
+
+    name: str
+    curve: Curve
+    style: Style
+
+
+def _total(run: ReportedRun) -> Curve:
+    """Energy of all plants of a run together."""
+    curves = list(run.energy.values())
+    times = np.unique(np.concatenate([curve.times_s for curve in curves]))
+    total = np.sum([np.interp(times, curve.times_s, curve.values[:, 0]) for curve in curves], axis=0)
+    return Curve(times, total[:, np.newaxis])
+
+
+def _lines(view: View, theme: Theme) -> list[_Line]:
+    """The plants of one run, or the runs that are laid over each other."""
+    run, plants = view.run, view.run.graph.plants
+    if view.overlaid or len(plants) == 1:
+        runs = zip(view.labels, view.runs, strict=True)
+        return [_Line(label, _total(one), theme.run_style(number)) for number, (label, one) in enumerate(runs)]
+    styles = panels.column_styles(theme, len(plants))
+    return [_Line(plant, run.energy[plant], style) for plant, style in zip(plants, styles, strict=True)]
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
-    plants = view.run.graph.plants
-    colours = [theme.this if len(plants) == 1 else theme.colour(number) for number in range(len(plants))]
+    lines = _lines(view, theme)
     for panel in panels.panel_grid(figure, ("",), view):
-        measured = _spent(view.run, panel)
-        beside = {} if view.other is None else _spent(view.other, panel)
-        largest = max(float(curve.values.max()) for curve in [*measured.values(), *beside.values()])
-        power = 0 if largest == 0.0 or 0.05 <= largest < 1e5 else 3 * int(np.floor(np.log10(largest) / 3.0))
-        for colour, plant in zip(colours, plants, strict=True):
-            if plant in beside:
-                other = beside[plant]
-                panel.axes.plot(
-                    other.times_s,
-                    10.0**-power * other.values[:, 0],
-                    color=theme.other if len(plants) == 1 else colour,
-                    linewidth=1.1,
-                    linestyle=(0, (4, 2)),
-                )
-            curve = measured[plant]
-            panel.axes.plot(curve.times_s, 10.0**-power * curve.values[:, 0], color=colour, linewidth=1.5)
-        panel.axes.set_ylim(bottom=0.0)
+        spent = [_since(line.curve, panel) for line in lines]
+        totals = [total for curve in spent if (total := float(curve.values[-1, 0])) > 0.0]
+        far_apart = bool(totals) and max(totals) > _LOG_FROM * min(totals)
+        factor, unit = (1.0, _UNIT) if far_apart else prefixed(_UNIT, max(totals, default=0.0))
+        for number, (line, curve) in enumerate(zip(lines, spent, strict=True)):
+            points = decimated(curve.times_s, factor * curve.values[:, 0], BUCKETS)
+            panel.axes.plot(*points, **{**line.style, "zorder": 2.2 + 0.01 * number})
+        if far_apart:
+            plain_logarithmic(panel.axes)
+        else:
+            panel.axes.set_ylim(bottom=0.0)
         since = f" since {panel.start_s:g} s" if panel.start_s > 0.0 else ""
-        factor = f"{power_of_ten(power)} " if power else ""
-        panel.axes.set_ylabel(f"energy{since} [{factor}{_UNIT}]")
-    if len(plants) > 1 or view.other is not None:
-        names = ("this run",) if len(plants) == 1 else plants
-        panels.key(figure, theme, names, colours, dashed=view.other_label)
+        panel.axes.set_ylabel(f"energy{since} [{unit}]")
+    panels.key(figure, [line.name for line in lines], [line.style for line in lines])
 
 
 def _caption(view: View) -> str:
@@ -67,7 +89,9 @@ def _caption(view: View) -> str:
         f"{figures.energy_n2m2s:.4g} {_UNIT}" + (f" ({plant})" if len(plants) > 1 else "")
         for plant, figures in view.run.summary.performance.items()
     ]
-    text = f"Integral of the square of the held torque, {', '.join(ends)} in all."
+    text = f"Integral of the square of the held torque, {', '.join(ends)} in all in this run."
+    if view.overlaid and len(plants) > 1:
+        text += " The curves are of all plants together."
     if view.cut_s is not None:
         text += f" On the right, what the steady state alone spends, counted from {view.cut_s:g} s."
     return text

@@ -78,7 +78,7 @@ def _caption(view: View) -> str:
     return (
         "Time since the previous triggering instant, drawn at the instant that ends it. No interval can be "
         f"shorter than one tick of the trigger grid, {tick_s:.4g} s."
-    )
+    ) + (" Of this run only." if view.overlaid else "")
 
 
 FIGURE = FigureKind(

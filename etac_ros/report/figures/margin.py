@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.sensor import Sensor
-from etac_ros.modules.tracking import RelativeSensor
 from etac_ros.report.figures import panels
 from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
@@ -27,8 +25,9 @@ _DECADES_BELOW = 2.0
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
     found = view.margins
-    for panel in panels.panel_grid(figure, tuple(found), view):
-        margins = found[panel.row]
+    names = tuple(found)
+    for panel in panels.panel_grid(figure, names, view.alone):
+        margins = found[names[panel.row]]
         times = np.asarray(seconds(margins.ticks, view.run.graph.ticks_per_second))
         both = panel.part(Curve(times, np.stack([margins.errors, margins.thresholds], axis=1)))
         fired = panel.part(Curve(times[margins.fired], margins.errors[margins.fired][:, np.newaxis]))
@@ -41,20 +40,21 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         if positive.size:
             logarithmic(axes)
             axes.set_ylim(positive.min() * 10.0**-_DECADES_BELOW, 2.0 * both.values.max())
-        axes.set_ylabel(_label(view, panel.row))
-    panels.key(figure, theme, ("error", "threshold"), (theme.this, theme.limit))
+        words, unit = _label(view, names[panel.row])
+        axes.set_ylabel(panels.axis_label(words, unit, panels.row_in(len(names))))
+    colours = (theme.this, theme.limit)
+    panels.key(figure, ("error", "threshold"), [{"color": colour, "linewidth": 1.4} for colour in colours])
 
 
-def _label(view: View, sensor: str) -> str:
-    module = view.run.graph.modules[sensor]
-    if isinstance(module, RelativeSensor):
-        return "|τ(tᵢ) − τ| [N m]"
-    assert isinstance(module, Sensor)
-    symbol = module.signal.label
-    # A list of several quantities is no symbol to take a difference of.
-    error = f"|{symbol}(tᵢ) − {symbol}|" if symbol.isalpha() and len(symbol) <= _LONGEST_SYMBOL else "error"
-    unit = getattr(module.signal, "unit", "")
-    return f"{error} [{unit}]" if unit else error
+def _label(view: View, name: str) -> tuple[str, str]:
+    """Words and unit; a list of several quantities is no symbol to take a difference of."""
+    parts = view.decisions[name].parts
+    symbols = {part.symbol for part in parts}
+    units = {part.unit for part in parts}
+    unit = units.pop() if len(units) == 1 else ""
+    symbol = symbols.pop() if len(symbols) == 1 else ""
+    difference = symbol.isalpha() and len(symbol) <= _LONGEST_SYMBOL
+    return (f"|{symbol}(tᵢ) − {symbol}|" if difference else "error"), unit
 
 
 def _caption(view: View) -> str:
@@ -66,7 +66,7 @@ def _caption(view: View) -> str:
         f"What the trigger rule compared at every tick, recomputed from {seen}, and from the value that was "
         "last on the wire. The error grows until it reaches the threshold; that tick is a triggering instant "
         "(a dot, unless they are too many), after which it starts anew near zero (below the axis)."
-    )
+    ) + (" Of this run only." if view.overlaid else "")
 
 
 FIGURE = FigureKind(

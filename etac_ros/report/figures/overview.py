@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from etac_ros.report.figures import data, raster, volume
+from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
-from etac_ros.report.figures.panels import key
+from etac_ros.report.figures.panels import Style, column_styles, key, run_key
 from etac_ros.report.figures.style import BUCKETS, Theme, plain_logarithmic
+from etac_ros.report.source import ReportedRun
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
@@ -19,41 +23,47 @@ _HEIGHT_IN = 5.2
 _RASTER_ROW_IN = 0.27
 
 
+def _angle(run: ReportedRun, plants: tuple[str, ...]) -> Curve:
+    """Attitude error as one angle [deg], the largest of several plants."""
+    curves = [data.attitude_angle(run.graph, run.recording, plant) for plant in plants]
+    shortest = min(curves, key=lambda curve: curve.times_s.size)
+    size = shortest.times_s.size
+    return Curve(shortest.times_s, np.max([curve.values[:size] for curve in curves], axis=0))
+
+
 def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
-    run, other = view.run, view.other
-    plants = run.graph.plants
-    for number, plant in enumerate(plants):
-        colour = theme.this if len(plants) == 1 else theme.colour(number)
-        if other is not None:
-            beside = data.attitude_angle(other.graph, other.recording, plant)
+    plants = view.run.graph.plants
+    if view.overlaid:
+        for number, run in enumerate(view.runs):
+            curve = _angle(run, plants)
+            order = 2.2 + 0.01 * number
             axes.plot(
-                *decimated(beside.times_s, beside.values[:, 0], BUCKETS),
-                color=theme.other if len(plants) == 1 else colour,
-                linewidth=1.0,
-                linestyle=(0, (4, 2)),
+                *decimated(curve.times_s, curve.values[:, 0], BUCKETS), **{**theme.run_style(number), "zorder": order}
             )
-        curve = data.attitude_angle(run.graph, run.recording, plant)
-        axes.plot(*decimated(curve.times_s, curve.values[:, 0], BUCKETS), color=colour, linewidth=1.3)
-    axes.set_xlim(0.0, run.end_s)
+        run_key(axes, view, theme)
+    else:
+        styles: list[Style] = [theme.run_style(0)] if len(plants) == 1 else column_styles(theme, len(plants))
+        for style, plant in zip(styles, plants, strict=True):
+            curve = _angle(view.run, (plant,))
+            axes.plot(*decimated(curve.times_s, curve.values[:, 0], BUCKETS), **style)
+        key(axes, plants, styles)
+    axes.set_xlim(0.0, view.end_s)
     plain_logarithmic(axes)
     axes.set_ylabel("attitude error [deg]")
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
-    plants = view.run.graph.plants
+    several = view.overlaid and len(view.run.graph.plants) > 1
     lines = _RASTER_ROW_IN * len(raster.rows(view)) + 0.1
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=[1.9, lines, 1.9])
     _draw_angles(above, view, theme)
-    above.set_title("attitude error, as one angle")
+    # Short, since a legend may stand beside it.
+    above.set_title("largest attitude error of all plants" if several else "attitude error, as one angle")
     raster.draw_on(middle, view, theme)
     middle.set_title("triggering instants")
     volume.draw_on(below, view, theme)
     below.set_title("payload on the network")
     below.set_xlabel("time [s]")
-    if len(plants) > 1 or view.other is not None:
-        names = ("this run",) if len(plants) == 1 else plants
-        colours = (theme.this,) if len(plants) == 1 else None
-        key(above, theme, names, colours, dashed=view.other_label)
     figure.suptitle(
         view.run.scenario.run.title or view.run.scenario.name,
         x=0.008,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from etac_ros.parameters import FloatArray
 from etac_ros.report.figures import data
 from etac_ros.report.figures.kind import FigureKind
-from etac_ros.report.figures.style import Theme
+from etac_ros.report.figures.style import BUCKETS, Theme
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
@@ -28,28 +30,26 @@ class Row:
         Stands on the left.
     instants_s
         Where the strokes are [s].
-    beside
-        Whether it belongs to the run that is laid beside the reported one.
+    run
+        Number of the run, 0 is the reported one.
     """
 
     name: str
     instants_s: FloatArray
-    beside: bool
+    run: int
 
 
 def rows(view: View) -> list[Row]:
-    """The sensors of this run, then those of the other one."""
+    """The sensors of this run, then those of the others."""
     found = []
-    for run, label, beside in ((view.run, "this run", False), (view.other, view.other_label, True)):
-        if run is None:
-            continue
+    for number, (run, label) in enumerate(zip(view.runs, view.labels, strict=True)):
         names = data.trigger_modules(run.graph)
         for name in names:
-            if view.other is None or (len(names) > 1 and not beside):
+            if not view.overlaid or (len(names) > 1 and number == 0):
                 words = name
             else:
                 words = f"{name}, {label}" if len(names) > 1 else label
-            found.append(Row(words, data.instants_s(run.graph, run.recording, name), beside))
+            found.append(Row(words, data.instants_s(run.graph, run.recording, name), number))
     return found
 
 
@@ -57,8 +57,10 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     """Draw the rows with their names on the left and their counts on the right; the overview does so, too."""
     found = rows(view)
     for place, row in enumerate(found):
-        colour = theme.other if row.beside else theme.this
-        axes.vlines(row.instants_s, place - 0.36, place + 0.36, color=colour, linewidth=0.8, clip_on=False)
+        colour = theme.run_style(row.run)["color"]
+        axes.vlines(
+            _apart(row.instants_s, view.end_s), place - 0.36, place + 0.36, color=colour, linewidth=0.8, clip_on=False
+        )
         axes.annotate(
             f"{row.instants_s.size:,}",
             (1.0, place),
@@ -71,10 +73,16 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
         )
     axes.set_yticks(range(len(found)), [row.name for row in found])
     axes.set_ylim(len(found) - 0.4, -0.6)
-    axes.set_xlim(0.0, view.run.end_s)
+    axes.set_xlim(0.0, view.end_s)
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0.0)
     axes.spines["left"].set_visible(False)
+
+
+def _apart(instants_s: FloatArray, end_s: float) -> FloatArray:
+    """One of the instants that would fall on the same half pixel."""
+    columns = np.floor(instants_s * (2.0 * BUCKETS / end_s)) if end_s > 0.0 else instants_s
+    return instants_s[np.unique(columns, return_index=True)[1]]
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:

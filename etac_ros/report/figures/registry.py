@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from etac_ros.report.figures import (
-    attitude,
     energy,
     intervals,
     margin,
+    modes,
     overview,
+    pointing,
     raster,
-    rate,
+    signal,
     torque,
     volume,
+    watched,
 )
 from etac_ros.report.figures.kind import FigureKind
 
 FIGURES: tuple[FigureKind, ...] = (
     overview.FIGURE,
-    attitude.FIGURE,
-    rate.FIGURE,
+    pointing.ATTITUDE,
+    pointing.RATE,
     torque.FIGURE,
+    watched.FIGURE,
+    modes.FIGURE,
+    signal.FIGURE,
     margin.FIGURE,
     intervals.FIGURE,
     volume.FIGURE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,11 @@ WIDTH_IN = 7.2
 """Width of every figure; with the type below it reads at 100 % on a page and, scrolled, on a phone."""
 PAGE_DPI = 220
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+_GREEK = {"chi": "χ", "eta": "η", "omega": "ω", "rho": "ρ", "sigma": "σ", "tau": "τ"}
+_SPELLED = re.compile(rf"\b({'|'.join(_GREEK)})(\d*)\b")
+_WRITTEN_OUT = (1e-4, 1e6)
+"""Beyond these a decade is written as a power of ten."""
 _FEW_DECADES = 100.0
 BUCKETS = 1100
 """Pixel columns of a panel at most: what a curve is thinned out to."""
@@ -85,9 +91,9 @@ DARK = Theme(
     ink="#e6eaf0",
     muted="#a3adba",
     grid="#2c343f",
-    axes=("#6fb1ff", "#ff9a4d", "#58d6bd", "#c3aef7"),
+    axes=("#6fb1ff", "#ff9a4d", "#58d6bd", "#eee1a0"),
     this="#6fb1ff",
-    others=("#ff9a4d", "#58d6bd", "#c3aef7"),
+    others=("#ff9a4d", "#58d6bd", "#eee1a0"),
     limit="#ff8577",
 )
 
@@ -229,6 +235,12 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
     return 10.0**-exponent, f"{power_of_ten(exponent)} {unit}".strip()
 
 
+def symbols(text: str) -> str:
+    """Write spelled-out Greek letters, their indices and roots of units as a paper does: ``eta1`` is ``η₁``."""
+    spelled = _SPELLED.sub(lambda found: _GREEK[found[1]] + found[2].translate(_SUBSCRIPTS), text)
+    return spelled.replace("e_dot", "ė").replace("kg^1/2", "√kg")
+
+
 def power_of_ten(exponent: int) -> str:
     """Write a power of ten as text; matplotlib's own mathematical text takes many times as long."""
     return "10" + str(exponent).translate(_SUPERSCRIPTS)
@@ -258,7 +270,13 @@ def plain_logarithmic(axes: Axes) -> None:
     subs = (1.0,) if high > _FEW_DECADES * low else (1.0, 2.0, 5.0)
     axes.yaxis.set_major_locator(LogLocator(subs=subs))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    powers = low < _WRITTEN_OUT[0] or high > _WRITTEN_OUT[1]
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _number(value, powers)))
+
+
+def _number(value: float, powers: bool) -> str:
+    decade = round(math.log10(value))
+    return power_of_ten(decade) if powers and math.isclose(value, 10.0**decade) else f"{value:g}"
 
 
 def thousands(axes: Axes) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from etac_ros.report.figures import data
 from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
-from etac_ros.report.figures.style import Theme, thousands
+from etac_ros.report.figures.style import BUCKETS, Theme, thousands
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
@@ -36,16 +37,19 @@ class _Line:
 
 
 def _lines(view: View, theme: Theme) -> list[_Line]:
-    run, other = view.run, view.other
-    measured = data.cumulative_bytes(run.graph, run.recording)
-    lines = [_Line("this run", measured, _STEPS, {"color": theme.this, "linewidth": 1.7})]
-    if other is not None:
-        beside = data.cumulative_bytes(other.graph, other.recording)
-        lines.append(_Line(view.other_label, beside, _STEPS, {"color": theme.other, "linewidth": 1.5}))
+    lines = [
+        _Line(
+            label,
+            data.cumulative_bytes(run.graph, run.recording),
+            _STEPS,
+            {**theme.run_style(number), "zorder": 2.2 + 0.01 * number},
+        )
+        for number, (run, label) in enumerate(zip(view.runs, view.labels, strict=True))
+    ]
     published = view.paper_baseline
     if published is not None and view.baseline is None:
-        ends = Curve(np.array([0.0, run.end_s]), np.array([[0.0], [published.value]]))
-        style = {"color": theme.other, "linewidth": 1.3, "linestyle": (0, (5, 3))}
+        ends = Curve(np.array([0.0, view.run.end_s]), np.array([[0.0], [published.value]]))
+        style = {"color": theme.muted, "linewidth": 1.3, "linestyle": (0, (5, 3))}
         lines.append(_Line(f"{view.source}'s baseline, not measured", ends, "default", style))
     return lines
 
@@ -53,13 +57,14 @@ def _lines(view: View, theme: Theme) -> list[_Line]:
 def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     """Draw all curves, each with its name and total at its end; the overview does so, too."""
     lines = _lines(view, theme)
-    end_s = max(float(line.curve.times_s[-1]) for line in lines)
+    end_s = view.end_s
     highest = max(max(line.total for line in lines), 1.0)
     axes.set_xlim(0.0, end_s)
     thousands(axes)
     axes.set_ylabel("payload [bytes]")
     for line in lines:
-        axes.plot(line.curve.times_s, line.curve.values[:, 0], drawstyle=line.drawstyle, **line.style)
+        points = decimated(line.curve.times_s, line.curve.values[:, 0], BUCKETS)
+        axes.plot(*points, drawstyle=line.drawstyle, **line.style)
     heights = _spread([line.total for line in lines], 0.1 * highest)
     axes.set_ylim(0.0, max(heights) + 0.14 * highest)
     for line, height in zip(lines, heights, strict=True):
@@ -71,7 +76,7 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
             ha="right",
             va="bottom",
             color=line.style["color"],
-            fontweight="bold" if line.name == "this run" else "normal",
+            fontweight="bold" if line is lines[0] else "normal",
             bbox={"facecolor": theme.paper, "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
         )
 
@@ -96,8 +101,7 @@ def _caption(view: View) -> str:
     if view.paper_baseline is not None and view.baseline is None:
         text += (
             f" The dashed line spreads the {view.paper_baseline.value:,.0f} bytes published for the baseline "
-            "evenly over the run: it was not measured. A report drawn --against the bag of a baseline run "
-            "measures it."
+            "evenly over the run: it was not measured. A report of this bag and that of a baseline run measures it."
         )
     return text
 

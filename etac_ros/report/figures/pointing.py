@@ -1,0 +1,70 @@
+"""Attitude error as Euler angles, and angular velocity error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from etac_ros.engines.recording import Recording
+from etac_ros.modules.graph import Graph
+from etac_ros.report.figures import data, quantities
+from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures.kind import FigureKind
+from etac_ros.report.figures.quantities import Quantity
+from etac_ros.report.source import ReportedRun
+from etac_ros.report.view import View
+from etac_ros.traffic import Performance
+
+
+def _found(
+    view: View, label: str, unit: str, columns: tuple[str, ...], of: Callable[[Graph, Recording, str], Curve]
+) -> list[Quantity]:
+    def curve(run: ReportedRun, row: str) -> Curve:
+        return of(run.graph, run.recording, row)
+
+    return [Quantity(row, label, unit, columns, partial(curve, row=row)) for row in data.bodies(view.run.graph)]
+
+
+def _ends(view: View, figure: Callable[[Performance], float], unit: str) -> str:
+    """The largest of a figure over the steady part, of each plant."""
+    several = len(view.run.graph.plants) > 1
+    ends = [
+        f"{figure(figures):.3g} {unit}" + (f" ({plant})" if several else "")
+        for plant, figures in view.run.summary.performance.items()
+    ]
+    return ", ".join(ends)
+
+
+def _angles(view: View) -> list[Quantity]:
+    return _found(view, "attitude error", "deg", ("roll", "pitch", "yaw"), data.attitude)
+
+
+def _rates(view: View) -> list[Quantity]:
+    """A plant of one's own may turn about fewer axes."""
+    run = view.run
+    widths = [
+        body.rates(run.recording.samples(plant)[1][:1]).shape[1] for plant, body in data.bodies(run.graph).values()
+    ]
+    return _found(view, "rate error", "deg/s", ("x", "y", "z")[: max(widths)], data.rate)
+
+
+ATTITUDE = FigureKind(
+    name="attitude",
+    title="Attitude error",
+    draw=lambda view, figure, theme: quantities.draw(_angles(view), view, figure, theme),
+    height_in=lambda view: quantities.height_in(_angles(view), view),
+    caption=lambda view: (
+        f"Attitude error as 3-2-1 Euler angles, from the committed samples. {view.steady_words} the error of this "
+        f"run, taken as one angle, is {_ends(view, lambda figures: figures.max_attitude_error_deg, 'deg')} at most."
+    ),
+)
+RATE = FigureKind(
+    name="rate",
+    title="Angular velocity error",
+    draw=lambda view, figure, theme: quantities.draw(_rates(view), view, figure, theme),
+    height_in=lambda view: quantities.height_in(_rates(view), view),
+    caption=lambda view: (
+        f"Angular velocity error in body axes, from the committed samples. {view.steady_words} its norm in this "
+        f"run is {_ends(view, lambda figures: figures.max_rate_deg_s, 'deg/s')} at most."
+    ),
+)
