@@ -171,8 +171,8 @@ def summarise(
                 kind="emulation", type=kind, messages=messages, deliveries=messages, payload_bytes=0, cdr_bytes=size,
                 first_s=None, last_s=None,
             )  # fmt: skip
-    steady_from_s = _steady_from_s(scenario)
-    steady = round(steady_from_s * graph.ticks_per_second)
+    from_s = steady_from_s(scenario)
+    steady = round(from_s * graph.ticks_per_second)
     summary = Summary(
         scenario=scenario.name,
         variant=scenario.variant,
@@ -180,7 +180,7 @@ def summarise(
         overrides=dict(scenario.overrides),
         seed=scenario.run.seed,
         duration_s=scenario.run.duration_s,
-        steady_from_s=steady_from_s,
+        steady_from_s=from_s,
         halted=halted,
         triggers=_triggers(graph, recording, steady),
         topics=topics,
@@ -276,7 +276,8 @@ def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:
     return totals
 
 
-def _steady_from_s(scenario: Scenario) -> float:
+def steady_from_s(scenario: Scenario) -> float:
+    """Simulated time from which steady figures are taken."""
     said = scenario.run.steady_from_s
     return (1.0 - _LAST_PART) * scenario.run.duration_s if said is None else said
 

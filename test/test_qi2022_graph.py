@@ -51,7 +51,10 @@ def test_what_the_air_carries(
     summary = run_in_process(load("qi2022", variant)).summary
     air = summary.topics["/pm/relative"]
     assert summary.network == type(summary.network)(
-        messages=air.messages, payload_bytes=air.payload_bytes, cdr_bytes=air.cdr_bytes
+        messages=air.messages,
+        deliveries=air.messages,
+        payload_bytes=air.payload_bytes,
+        cdr_bytes=air.cdr_bytes,
     )
     assert air.payload_bytes == payload_each * air.messages
     assert air.messages == (messages or summary.triggers["/pm/relative_sensor"].count)
