@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from etac_ros.modules.graph import Graph
 from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import errors_of
+from etac_ros.plants.plant import bodies_of, errors_of
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
@@ -26,6 +27,7 @@ TORQUE = "torque"
 ATTITUDE_COMPONENTS = "attitude components"
 RATE_RAD_S = "rate in rad/s"
 SIGNAL = "signal"
+HOLD_ERROR = "hold error"
 
 _LABELS = {
     "triggers": "triggering instants",
@@ -170,7 +172,8 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
         A plant, or a module that watches something.
     name
         ``attitude error`` [deg], ``attitude components`` (of the error, as in the state), ``rate`` [deg/s], ``rate in
-        rad/s`` or ``torque`` [N m] of a plant, ``signal`` of a sensor, or what the node watches.
+        rad/s`` or ``torque`` [N m] of a plant, ``attitude of BODY`` [deg] and ``rate of BODY`` [deg/s] where it has
+        several, ``signal`` and ``hold error`` of a sensor, or what the node watches.
 
     Raises
     ------
@@ -183,6 +186,8 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
             return first, watch.values
     if name == SIGNAL and node not in graph.plants:
         return _signal(graph, recording, node)
+    if name == HOLD_ERROR and node not in graph.plants:
+        return _hold_error(graph, recording, node)
     return first, _of_plant(graph, recording, node)[name]()
 
 
@@ -195,19 +200,42 @@ def _signal(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatAr
     return first, module.signal.evaluate(np.ascontiguousarray(states))
 
 
+def _hold_error(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatArray]:
+    """What a sensor last sent less its signal at each tick; at a triggering instant that has become zero."""
+    first, signals = _signal(graph, recording, node)
+    held = np.full_like(signals, np.nan)
+    for link in graph.sends[node]:
+        sent = [message for message in recording.messages[link.name] if message.tick >= first]
+        ends = [message.tick for message in sent[1:]] + [first + signals.shape[0]]
+        for message, end in zip(sent, ends, strict=True):
+            held[message.tick - first : end - first] = message.value
+    return first, held - signals
+
+
 def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callable[[], FloatArray]]:
     module = graph.modules[node]
     if not isinstance(module, PlantModule):
         return {}
     plant = module.plant
     first, states = recording.samples(node)
+    errors = errors_of(plant, states, first)
+    of_bodies: dict[str, Callable[[], FloatArray]] = {}
+    for body in bodies_of(plant):
+        if body.name:
+            of_bodies[f"attitude of {body.name}"] = partial(_in_degrees, body.euler_angles, errors)
+            of_bodies[f"rate of {body.name}"] = partial(_in_degrees, body.rates, errors)
     return {
-        ATTITUDE: lambda: np.degrees(plant.attitude_angle(errors_of(plant, states, first)))[:, np.newaxis],
-        RATE: lambda: np.degrees(errors_of(plant, states, first)[:, plant.rate_slice]),
-        ATTITUDE_COMPONENTS: lambda: errors_of(plant, states, first)[:, plant.attitude_slice],
-        RATE_RAD_S: lambda: errors_of(plant, states, first)[:, plant.rate_slice],
+        **of_bodies,
+        ATTITUDE: lambda: np.degrees(plant.attitude_angle(errors))[:, np.newaxis],
+        RATE: lambda: np.degrees(errors[:, plant.rate_slice]),
+        ATTITUDE_COMPONENTS: lambda: errors[:, plant.attitude_slice],
+        RATE_RAD_S: lambda: errors[:, plant.rate_slice],
         TORQUE: lambda: held_torque(graph, recording, node),
     }
+
+
+def _in_degrees(angles: Callable[[FloatArray], FloatArray], states: FloatArray) -> FloatArray:
+    return np.degrees(angles(states))
 
 
 def check(figures: Mapping[str, PublishedFigure], graph: Graph, file: str) -> None:
@@ -231,7 +259,7 @@ def check(figures: Mapping[str, PublishedFigure], graph: Graph, file: str) -> No
             continue
         _, watches = watches_of_module(graph, empty, node)
         known = [*(watch.name for watch in watches), *_of_plant(graph, empty, node)]
-        known += [SIGNAL] if isinstance(graph.modules[node], Sensor) else []
+        known += [SIGNAL, HOLD_ERROR] if isinstance(graph.modules[node], Sensor) else []
         if figure.measure.quantity not in known:
             raise ScenarioError(
                 f"{where}.quantity", f"found '{figure.measure.quantity}'", f"one of: {', '.join(known)}"
