@@ -25,8 +25,8 @@ COMMANDS = [
     for line in block.splitlines()
     if line.startswith("$ ")
 ]
-# Not again from inside the tests: the tests themselves, and what measures for a minute.
-ELSEWHERE = ("./scripts/test", "./scripts/bench")
+# Not again from inside the tests: the tests themselves, and what takes minutes (test_reproduce.py tries a short one).
+ELSEWHERE = ("./scripts/test", "./scripts/bench", "./scripts/etac reproduce")
 NEEDS_OTHERS = ("node ", "external=true", "ros2 run", "--only")
 
 
@@ -35,6 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A working folder with a bag, and with the README's law in ``mine.py``."""
     folder = tmp_path_factory.mktemp("readme")
     run_in_process(load("wu2018", None, ["duration_s=100"]), folder / "bags" / "BAG")
+    run_in_process(load("wu2018", "periodic", ["duration_s=100"]), folder / "bags" / "OTHER")
     (folder / "mine.py").write_text(snippet("class DeadZone"))
     return folder
 
