@@ -13,13 +13,13 @@ from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
-from etac_ros.bag.truth import MOST_SAMPLES, pack_truth, unpack_truth
 from etac_ros.bag.write import BagWriter
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.recording import Message, Recording
 from etac_ros.modules.channel import Channel
 from etac_ros.modules.graph import Graph, Link, LinkKind
 from etac_ros.modules.plant import PlantModule
+from etac_ros.modules.truth import MOST_SAMPLES, pack_truth, unpack_truth
 from etac_ros.modules.wire import Wire, WireFormat
 from etac_ros.scenario.load import load
 

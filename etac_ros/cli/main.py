@@ -22,6 +22,8 @@ app = typer.Typer(
 )
 
 BAD_INPUT, FAILED_RUN, INTERRUPTED = 2, 1, 130
+_WIDE = 168
+"""Columns of the table of reproduced figures, so that none of them is cut."""
 
 
 class Engine(StrEnum):
@@ -145,7 +147,7 @@ def sweep(
 def reproduce(
     scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
     runs: Annotated[int, typer.Option(min=1, help="Perturbed runs for each band, at most.")] = 200,
-    budget: Annotated[float, typer.Option(min=0.0, help="Wall time for the runs of one band [s].")] = 20.0,
+    budget: Annotated[float, typer.Option(min=0.0, help="Wall time for the runs of one band [s].")] = 10.0,
     engine: Annotated[Engine, typer.Option(help="For the measured figures.")] = Engine.ros,
     set_: Set = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes for the bands; default: one a core.")] = None,
@@ -158,7 +160,21 @@ def reproduce(
     from etac_ros.reproduce.rows import Effort
 
     effort = Effort(runs, budget, engine.value, workers)
-    reproduce_(scenarios or (), effort, set_ or (), make_console(), write, json)
+    reproduce_(scenarios or (), effort, set_ or (), make_console(_WIDE), write, json)
+
+
+@app.command()
+def tradeoff(
+    scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all with a section tradeoff.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Perturbed runs at each point.")] = 5,
+    write: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Write pictures and tradeoffs.md there.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
+) -> None:
+    """Vary a trigger's parameters: traffic against steady error and energy, event-triggered against periodic."""
+    from etac_ros.cli.show import make_console
+    from etac_ros.cli.tradeoff import tradeoff as tradeoff_
+
+    tradeoff_(scenarios or (), runs, make_console(), write, workers)
 
 
 @app.command()

@@ -19,10 +19,10 @@ _NARROWEST = 124
 """Columns below which the tables would be cut."""
 
 
-def make_console() -> Console:
+def make_console(narrowest: int = _NARROWEST) -> Console:
     """A console that leaves brackets alone and never breaks a table, also where output goes to a file."""
     console = Console(markup=False, emoji=False)
-    console.width = max(console.width, _NARROWEST)
+    console.width = max(console.width, narrowest)
     return console
 
 

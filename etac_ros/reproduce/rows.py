@@ -75,7 +75,7 @@ class Effort:
     """
 
     runs: int = 200
-    budget_s: float = 20.0
+    budget_s: float = 10.0
     engine: str = "ros"
     workers: int | None = None
 

@@ -20,6 +20,7 @@ from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimensi
 
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.modules.contract import Window
+from etac_ros.modules.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
 from etac_ros.modules.wire import Wire
 from etac_ros.parameters import FloatArray
 
@@ -115,26 +116,22 @@ def decode_window(message: Any, plant: str) -> tuple[Window, int]:
 
 
 def encode_truth(first_tick: int, samples: FloatArray) -> Any:
-    """Committed samples: ``data[0]`` is the tick of the first, the rest is the table that the layout describes."""
-    count, width = samples.shape
-    data = array.array("d", (float(first_tick),))
-    data.frombytes(np.ascontiguousarray(samples).tobytes())
-    return _table(data, 1, count, width)
+    """Committed samples, laid out as :mod:`etac_ros.modules.truth` says."""
+    data, ticks, states = pack_truth(first_tick, samples)
+    return _table(array.array("d", data.tobytes()), DATA_OFFSET, ticks, states)
 
 
 def decode_truth(message: Any) -> tuple[int, FloatArray]:
     """Tick of the first committed sample, and the samples."""
-    numbers = np.frombuffer(message.data, dtype=np.float64)
-    rows, columns = (dimension.size for dimension in message.layout.dim)
-    return int(numbers[0]), numbers[1:].reshape(rows, columns)
+    sizes = [dimension.size for dimension in message.layout.dim]
+    return unpack_truth(np.frombuffer(message.data, dtype=np.float64), message.layout.data_offset, sizes)
 
 
 def _table(data: array.array[float], offset: int, count: int, width: int) -> Any:
     message = Float64MultiArray(data=data)
     message.layout.data_offset = offset
     message.layout.dim = [
-        MultiArrayDimension(label="tick", size=count, stride=count * width),
-        MultiArrayDimension(label="state", size=width, stride=width),
+        MultiArrayDimension(label=axis.label, size=axis.size, stride=axis.stride) for axis in dimensions(count, width)
     ]
     return message
 
