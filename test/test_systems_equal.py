@@ -31,6 +31,13 @@ CASES: list[tuple[str, str, list[str]]] = [
     ("xie2021", "periodic", ["duration_s=3"]),
     ("xie2021", "case1", ["duration_s=5", "formation.n=8"]),
     ("xie2021", "case1", ["duration_s=5", "links.state.delay_ticks=4", "links.state.loss=0.3"]),
+    # Who acts at known ticks, fires always alike or acts on arrival, behind links that keep it waiting.
+    ("xie2021", "case1", ["duration_s=2", "links.torque_command.delay_ticks=7", "links.feedback.delay_ticks=2"]),
+    ("shi2022", "fitted", ["duration_s=5", "links.torque_command.delay_ticks=2", "links.torque_command.loss=0.2"]),
+    ("qi2022", "case1", ["duration_s=3", "links.relative.delay_ticks=2", "links.torque_p.delay_ticks=1"]),
+    ("qi2022", "smc", ["duration_s=2", "links.feedback.loss=0.2"]),
+    ("flexible", "periodic", ["duration_s=60", "links.feedback.delay_ticks=3", "links.feedback.loss=0.3"]),
+    ("flexible", "periodic", ["duration_s=40", "links.torque_command.loss=0.5"]),
 ]
 
 

@@ -309,7 +309,8 @@ class CoordinatorStation(Station):
             case Deliver(module) if self._early[module]:
                 return self._early[module].popleft()
             case Look(module, after, grant) if not self.plan.reports(module):
-                return self._regular(module, after, grant)
+                # Leave to act comes with a window; without one the module knows nothing of this look.
+                return self._regular(module, after, grant if graph.reads.get(module) in opened else -1)
             case Fire(module) if graph.modules[module].fires_on is not None:
                 self._ahead.pop(module, None)
                 return self._fires(module, order.alone)
