@@ -79,7 +79,7 @@ def test_a_mistake_in_the_section_runs_nothing(tmp_path: Path, old: str, new: st
 
 def test_bad_arguments_run_nothing(tmp_path: Path) -> None:
     for arguments, words in (
-        (["wu2018", "--write", "nowhere"], "--write nowhere"),
+        (["wu2018", "--write", "nowhere"], "--write nowhere: there is no such folder"),
         (["wu2019"], "'wu2018'?"),
         (["wu2018", "--runs", "0"], "--runs"),
     ):

@@ -123,6 +123,7 @@ def make_plan(
     assignments: Sequence[str] = (),
     perturbations: Sequence[str] = (),
     perturb: bool = True,
+    baselines: bool = True,
 ) -> Plan:
     """Lay out a sweep and check all of it before anything runs.
 
@@ -139,6 +140,8 @@ def make_plan(
         ``KEY=none`` takes one away.
     perturb
         False draws nothing: runs then differ by the seed of noise and lossy links only.
+    baselines
+        False runs no baseline: figures beside one are then missing.
 
     Raises
     ------
@@ -148,7 +151,7 @@ def make_plan(
     if runs < 1:
         raise ScenarioError(f"--runs {runs}", "is no number of runs", "1 or more")
     fixed, grid = _sorted_out(assignments)
-    points = _points(name, variant, fixed, grid)
+    points = _points(name, variant, fixed, grid, baselines)
     scenario = points[0].scenario
     wanted: dict[str, tuple[str, Perturbation | None]] = {}
     if perturb:
@@ -194,19 +197,19 @@ def _sorted_out(assignments: Sequence[str]) -> tuple[tuple[str, ...], dict[str, 
 
 
 def _points(
-    name: str, variant: str | None, fixed: Sequence[str], grid: Mapping[str, Sequence[Any]]
+    name: str, variant: str | None, fixed: Sequence[str], grid: Mapping[str, Sequence[Any]], baselines: bool
 ) -> tuple[Point, ...]:
-    baselines: dict[str, Summary] = {}
+    summaries: dict[str, Summary] = {}
     points = []
     for combination in product(*grid.values()):
         values = dict(zip(grid, combination, strict=True))
         assignments = [*fixed, *(f"{key}={json.dumps(value)}" for key, value in values.items())]
         scenario = load(name, variant, assignments)
         checked_graph(scenario)
-        baseline = baseline_of(scenario)
-        if baseline is not None and baseline.digest not in baselines:  # most keys of a grid do not concern it
-            baselines[baseline.digest] = simulate(baseline).summary
-        points.append(Point(values, scenario, None if baseline is None else baselines[baseline.digest]))
+        baseline = baseline_of(scenario) if baselines else None
+        if baseline is not None and baseline.digest not in summaries:  # most keys of a grid do not concern it
+            summaries[baseline.digest] = simulate(baseline).summary
+        points.append(Point(values, scenario, None if baseline is None else summaries[baseline.digest]))
     return tuple(points)
 
 

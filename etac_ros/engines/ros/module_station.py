@@ -28,7 +28,7 @@ from etac_ros.engines.ros.plan import Plan, go_topic, next_topic, truth_topic, w
 from etac_ros.engines.ros.station import Station
 from etac_ros.maths.ticks import nanoseconds, tick_of
 from etac_ros.modules.cell import Cell, Sent
-from etac_ros.modules.contract import Arrival
+from etac_ros.modules.contract import Arrival, Window
 from etac_ros.modules.graph import Link
 from etac_ros.modules.plant import PlantModule
 from etac_ros.parameters import FloatArray
@@ -60,6 +60,8 @@ class ModuleStation(Station):
         self._go: Subscription | None = None
         self._acts_on_arrival = plan.acts_on_arrival(name)
         self._arrived: deque[tuple[MessageId, int | None]] = deque()
+        self._windows_ahead: deque[tuple[Window, int]] = deque()
+        self._proposal: int | None = None
         self._ticks_per_second = graph.ticks_per_second
         self._outgoing: dict[str, Publisher] = {
             link.name: self.publisher(message_type(link.wire), link.topic, plan.listeners(link))
@@ -90,6 +92,7 @@ class ModuleStation(Station):
         return (
             not self._orders
             and not self._arrived
+            and not self._windows_ahead
             and all(publisher.count.messages == self.stop["sent"][link] for link, publisher in self._outgoing.items())
             and all(
                 subscription.count.messages == self.stop["sent"][link] for link, subscription in self._incoming.items()
@@ -120,24 +123,34 @@ class ModuleStation(Station):
 
     def _on_window(self, message: Any, sequence: int) -> None:
         assert self._sees is not None
-        window, grant = decode_window(message, self._sees)
-        self._cell.see(window)
-        if not self._cell.module.passive:
-            self._look(window.start - 1, grant)
+        self._windows_ahead.append(decode_window(message, self._sees))
         self._work()
         self.settle()
 
     def _work(self) -> None:
-        while self._arrived and self._has_sample(self._arrived[0][1]):
-            identity, tick = self._arrived.popleft()
-            sent = self._cell.receive(tick, self._bag((identity,)))
-            self._acted(tick or 0, self._send(sent, self._nanoseconds(tick or 0)))
-        while self._orders:
-            order = self._orders[0]
-            if not self._can_take(order):
+        """Do all that can be done with what is here; the rest waits for what is still under way."""
+        while True:
+            if self._arrived and self._has_sample(self._arrived[0][1]):
+                identity, tick = self._arrived.popleft()
+                sent = self._cell.receive(tick, self._bag((identity,)))
+                self._acted(tick or 0, self._send(sent, self._nanoseconds(tick or 0)))
+            elif self._orders and self._can_take(self._orders[0]):
+                self._obey(self._orders.popleft())
+            elif self._windows_ahead and self._may_see(self._windows_ahead[0][0]):
+                window, grant = self._windows_ahead.popleft()
+                self._cell.see(window)
+                if not self._cell.module.passive:
+                    self._look(window.start - 1, grant)
+            else:
                 return
-            self._orders.popleft()
-            self._obey(order)
+
+    def _may_see(self, window: Window) -> bool:
+        """Whether nothing is left to do in the windows before.
+
+        A window that begins after a tick that this module has named tells that the tick is over. So the order to fire
+        at it is under way, on another topic, and has to be obeyed first.
+        """
+        return self._proposal is None or self._proposal >= window.start
 
     def _has_sample(self, tick: int | None) -> bool:
         """Whether the window with the sample of a tick is here, if the module sees windows at all."""
@@ -162,9 +175,9 @@ class ModuleStation(Station):
                 self._look(after, grant)
             case Fire(_, tick, _, alone):
                 sent, concluded = self._act(tick, alone)
+                self._proposal = None  # of a module that always fires alike, until it is asked again
                 if self._cell.module.fires_on is None:
-                    ahead = self._cell.look(tick)
-                    self._report(Report(sent, concluded=concluded, halt=self._cell.module.halt), tick, ahead)
+                    self._report_act(Report(sent, concluded=concluded, halt=self._cell.module.halt), tick)
             case Deliver(_, tick, _, bag, _):
                 answers = self._cell.receive(tick, self._bag(bag))
                 self._acted(tick, self._send(answers, self._nanoseconds(tick)))
@@ -174,11 +187,12 @@ class ModuleStation(Station):
     def _look(self, after: int, grant: int) -> None:
         proposal = self._cell.look(after)
         if proposal is None or proposal > grant:
+            self._proposal = proposal
             self._report(Report(proposal=proposal), after, None)
             return
         sent, concluded = self._act(proposal, alone=True)
         report = Report(sent, proposal, fired=True, concluded=concluded, halt=self._cell.module.halt)
-        self._report(report, proposal, self._cell.look(proposal))
+        self._report_act(report, proposal)
 
     def _act(self, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
         """Fire, and conclude at once where nothing can arrive."""
@@ -191,8 +205,12 @@ class ModuleStation(Station):
 
     def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
         if self._next is not None:
-            ahead = None if self._cell.module.passive else self._cell.look(tick)
-            self._report(Report(sent, halt=self._cell.module.halt), tick, ahead)
+            self._report_act(Report(sent, halt=self._cell.module.halt), tick)
+
+    def _report_act(self, report: Report, tick: int) -> None:
+        """Report what was done, together with the next own act."""
+        self._proposal = None if self._cell.module.passive else self._cell.look(tick)
+        self._report(report, tick, self._proposal)
 
     def _report(self, report: Report, tick: int, ahead: int | None) -> None:
         if self._next is not None:  # else the coordinator knows it beforehand
