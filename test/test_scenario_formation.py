@@ -61,6 +61,8 @@ def test_what_is_scattered_differs_from_what_it_is_drawn_from() -> None:
 def test_a_template_and_one_spacecraft_can_be_overridden() -> None:
     nodes = load("xie2021", None, ["*/sensor.trigger.c1=0.02", "sc2/sensor.trigger.c1=0.03"]).nodes
     assert [nodes[f"/sc{i}/sensor"]["trigger"]["c1"] for i in (1, 2, 3)] == [0.02, 0.03, 0.02]
+    links = load("xie2021", None, ["links.state.delay_ticks=2", "links.sc3_state.delay_ticks=5"]).run.links
+    assert [links[f"sc{i}_state"].delay_ticks for i in (1, 2, 3)] == [2, 2, 5]
 
 
 def test_the_resolved_file_gives_the_same_run(tmp_path: Path) -> None:
@@ -89,6 +91,7 @@ def test_the_resolved_file_gives_the_same_run(tmp_path: Path) -> None:
         ('formation.outages={"1->2": [1, 1.00001]}', ["outages", "ticks"]),
         ("*/plant.dynamics.attitude_mrp='{attitude}'", ["/*/plant", "{attitude}", "attitude_mrp"]),
         ("sc9/plant.dynamics.substeps=2", ["sc9/plant"]),
+        ("links.sc9_state.delay_ticks=2", ["links.sc9_state"]),
         ("sc2/sensor.neighbours=[sc1]", ["weights for 2 neighbours", "1 are named"]),
     ],
 )

@@ -63,6 +63,13 @@ class FormationSection(Parameters):
     )
 
 
+def of_one(sections: Tree, assignment: str) -> bool:
+    """Whether a ``key=value`` concerns a link of one spacecraft, which is there only once templates are written out."""
+    first, _, rest = assignment.partition("=")[0].strip().partition(".")
+    templates = sections[EVERYWHERE].get("links") or {}
+    return FORMATION in sections[EVERYWHERE] and first == "links" and rest.partition(".")[0] not in templates
+
+
 def expanded(sections: Tree, file: str) -> Tree:
     """The sections with every template written out; unchanged where there is no formation.
 

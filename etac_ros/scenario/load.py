@@ -30,7 +30,7 @@ from etac_ros.scenario.document import (
     write_sections,
 )
 from etac_ros.scenario.faults import field_names
-from etac_ros.scenario.formation import FORMATION, expanded
+from etac_ros.scenario.formation import FORMATION, expanded, of_one
 from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
@@ -192,7 +192,7 @@ def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -
     if variant is not None:
         sections = _with_own_figures(sections, with_variant(sections, variant, str(path), _RUN_KEYS), variant, path)
     # What concerns a template or the formation itself comes first; then every spacecraft has nodes of its own.
-    templates = [assignment for assignment in overrides if has_place(sections, assignment, _RUN_KEYS)]
+    templates = [text for text in overrides if has_place(sections, text, _RUN_KEYS) and not of_one(sections, text)]
     changed: dict[str, Any] = {}
     for assignment in templates:
         sections, key, value = with_override(sections, assignment, _RUN_KEYS)
