@@ -26,7 +26,7 @@ COMMANDS = [
     if line.startswith("$ ")
 ]
 # Not again from inside the tests: the tests themselves, and what takes minutes (test_reproduce.py tries a short one).
-ELSEWHERE = ("./scripts/test", "./scripts/bench", "./scripts/etac reproduce")
+ELSEWHERE = ("./scripts/test", "./scripts/bench", "./scripts/etac reproduce", "./scripts/etac tradeoff")
 NEEDS_OTHERS = ("node ", "external=true", "ros2 run", "--only")
 
 
