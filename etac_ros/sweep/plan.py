@@ -10,6 +10,7 @@ from itertools import product
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.modules.contract import Module
 from etac_ros.runs import baseline_of, checked_graph, simulate
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import parse_value
@@ -18,6 +19,7 @@ from etac_ros.scenario.schema import Perturbation
 from etac_ros.scenario.values import value_at
 from etac_ros.sweep.draws import check_target, perturbed, run_seed
 from etac_ros.traffic import Summary
+from etac_ros.triggers.periodic import Periodic
 
 _KINDS = tuple(Perturbation.model_fields)
 _TRIED = 3
@@ -87,7 +89,7 @@ class Plan:
         """The modules that trigger, and whether by events: a Zeno check looks at those only."""
         graph = self.scenario.build()
         modules = {name: graph.modules[name] for name in graph.reporters}
-        return {name: module.every is None for name, module in modules.items() if module.triggers}
+        return {name: not _by_time(module) for name, module in modules.items() if module.triggers}
 
     def place(self, sample: int) -> tuple[int, int]:
         """Run and grid point of a sample.
@@ -114,6 +116,12 @@ class Plan:
         """The scenario of a sample, with its grid values, draws and seed."""
         run, point = self.place(sample)
         return self.points[point].scenario.with_values(self.draws(sample), run_seed(self.seed, run))
+
+
+def _by_time(module: Module) -> bool:
+    """Whether a module sends at a period, or answers each time it is asked, so that no event decides."""
+    rule = getattr(module, "trigger", None)
+    return rule is None or isinstance(rule, Periodic)
 
 
 def make_plan(
