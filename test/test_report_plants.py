@@ -120,7 +120,7 @@ def test_odd_runs_are_drawn_without_a_warning(overrides: list[str], tmp_path: Pa
             figure = Figure(figsize=kind.size_in(view))
             kind.draw(view, figure, LIGHT)
             figure.draw_without_rendering()
-            assert all(axes.get_ylabel() or kind.name in ("overview", "raster") for axes in figure.axes)
+            assert all(axes.get_ylabel() or kind.name in ("overview", "raster", "network") for axes in figure.axes)
             assert kind.caption(view)
 
 

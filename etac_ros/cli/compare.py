@@ -13,6 +13,8 @@ from etac_ros.runs import baseline_of, run_in_process
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.traffic import Summary, Totals, traffic_by_namespace, with_measured
 
+_MOST_COLUMNS = 5
+
 
 def compare(name: str, variants: Sequence[str], overrides: Sequence[str], console: Console) -> None:
     """Run variants in process and show them beside each other.
@@ -70,11 +72,27 @@ def _show_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary], c
     console.print(table)
 
 
+def _show_totals(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:
+    """All of a formation together: a column for each pair of namespaces would be too many."""
+    table = plain_table("variant")
+    for column in ("triggering instants", "network messages", "deliveries", "network payload", "internal messages"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for scenario, summary in zip(scenarios, summaries, strict=True):
+        instants = " / ".join(f"{triggers.count:,}" for triggers in summary.triggers.values())
+        network = summary.network
+        cells = (network.messages, network.deliveries, network.payload_bytes, summary.internal.messages)
+        table.add_row(scenario.variant or "", instants, *(f"{cell:,}" for cell in cells))
+    console.print(table)
+
+
 def _show_traffic(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:
     parts = [
         traffic_by_namespace(scenario.build(), summary) for scenario, summary in zip(scenarios, summaries, strict=True)
     ]
     columns = sorted({column for part in parts for column in part})
+    if len(columns) > _MOST_COLUMNS:
+        _show_totals(scenarios, summaries, console)
+        return
     table = plain_table("variant")
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)

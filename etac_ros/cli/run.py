@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.show import show_summary
-from etac_ros.errors import ScenarioError
+from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.runs import (
     RosOptions,
     Run,
@@ -65,7 +65,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     other = baseline_of(scenario)
     with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
         warm_up(scenario)
-        baseline = None if other is None else _run_baseline(other, request, bag, console)
+    baseline = None if other is None else _run_baseline(other, request, bag, console)
     run = _run(scenario, request, bag, console)
     summary = with_measured(run.summary, None if baseline is None else baseline.summary)
     show_summary(scenario, summary, console)
@@ -74,12 +74,19 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"summary: {request.json}", soft_wrap=True)
 
 
-def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
-    """The baseline's counts are the same with either engine; only on request it takes the long way."""
-    if request.baseline and request.engine == "ros":
-        beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-        return _run(scenario, request, beside, console)
-    return run_in_process(scenario)
+def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
+    """The baseline's counts are the same with either engine; only on request it takes the long way.
+
+    None where a watch ended it: that is no reason against the run that was asked for.
+    """
+    try:
+        if request.baseline and request.engine == "ros":
+            beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
+            return _run(scenario, request, beside, console)
+        return run_in_process(scenario)
+    except RunHalted as halted:
+        console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
+        return None
 
 
 def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:

@@ -71,13 +71,17 @@ def _figures(scenario: Scenario, summary: Summary, alike: Collection[str]) -> Ta
             figure_label(name, summary),
             "-" if measured is None else number(measured),
             "" if figure is None else number(figure.value),
-            "" if figure is None else band(figure),
+            "" if figure is None else band(figure) + _mark(measured, figure),
         ]
         if baseline is not None:
             beside = baseline.measured.get(name)
             row.append("" if beside is None else number(beside))
         table.add_row(*row)
     return table
+
+
+def _mark(measured: float | None, figure: PublishedValue) -> str:
+    return " " if measured is None or figure.low <= measured <= figure.high else "!"
 
 
 def _shown(summary: Summary) -> list[str]:
@@ -101,8 +105,10 @@ def _by_namespace(scenario: Scenario, summary: Summary, alike: Mapping[str, Mapp
             cell = "-" if measured is None else number(measured)
             if figure is not None:
                 met = measured is not None and figure.low <= measured <= figure.high
-                outside |= not met
-                cell += f" ({number(figure.value)}){' ' if met else '!'}"
+                marked = measured is not None and not met
+                outside |= marked
+                limit = "≤ " if figure.low == 0.0 and figure.high == figure.value else ""
+                cell += f" ({limit}{number(figure.value)}){'!' if marked else ' '}"
             cells.append(cell)
         first = next(iter(members.values()))
         own = summary.published.get(first)
@@ -116,7 +122,10 @@ def _by_namespace(scenario: Scenario, summary: Summary, alike: Mapping[str, Mapp
 def figure_label(name: str, summary: Summary) -> str:
     """What a measured or published figure is called in a table."""
     published = summary.published.get(name)
-    return label(name, summary.triggers, "" if published is None else published.label)
+    own = "" if published is None else published.label
+    words = label(name, summary.triggers, own)
+    plants = [plant for plant in summary.performance if name.endswith(plant.replace("/", "_"))]
+    return f"{words}, {plants[0]}" if own and plants and len(summary.performance) > 1 else words
 
 
 def _topics(summary: Summary) -> Table:

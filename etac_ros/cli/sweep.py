@@ -78,6 +78,9 @@ def sweep_and_show(request: SweepRequest, console: Console) -> bool:
         plan = make_plan(
             request.scenario, request.runs, request.variant, request.overrides, request.perturbations, request.perturb
         )
+    for option, given in (("--engine ros", request.engine == "ros"), ("--bag", request.bag), ("--json", request.json)):
+        if given and request.replay is None:
+            raise ScenarioError(option, "is for --replay SAMPLE: a sweep runs in process and writes one Parquet file")
     if request.replay is not None:
         _replay(plan, request, console)
         return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from etac_ros.maths.ticks import seconds
 from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant, watches_of
@@ -82,6 +83,10 @@ class PlantModule(Module):
 
     def _left_bounds(self, start: int, samples: FloatArray) -> str:
         """Why the run has to end: only committed samples count, never the uncommitted tail of a window."""
+        if samples.size and not np.isfinite(samples[-1]).all():  # what is no number stays so
+            row = int(np.argmin(np.isfinite(samples).all(axis=1)))
+            at = seconds(start + row, self.context.ticks_per_second)
+            return f"the state is no number from {at:.6g} s (tick {start + row}) on; held inputs {self.held.tolist()}"
         watches = watches_of(self.plant, samples)
         rows = rows_left(watches)
         if not rows.size:

@@ -111,6 +111,10 @@ class Sensor(Module):
         if self.held is None:
             return after + 1
         index = self.trigger.first(watched[offset:], after + 1, self.held, self.held_tick)
+        if index >= watched.shape[0] - offset:
+            raise IndexError(
+                f"{type(self.trigger).__name__}.first has named sample {index} of {watched.shape[0] - offset}"
+            )
         return None if index < 0 else after + 1 + index
 
     def advance(self, tick: int, window: Window) -> None:

@@ -46,7 +46,9 @@ _EDGE = re.compile(r"\s*(\d+)\s*->\s*(\d+)\s*")
 class FormationSection(Parameters):
     """Who hears whom, and what differs from one spacecraft to the next."""
 
-    n: PositiveInt = Field(description="spacecraft; another number than the adjacency matrix has generates a graph")
+    n: PositiveInt = Field(
+        le=1000, description="spacecraft; another number than the adjacency matrix has generates a graph"
+    )
     prefix: str = Field(
         default="sc", pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="namespaces are PREFIX1, PREFIX2, ..."
     )

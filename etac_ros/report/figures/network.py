@@ -24,11 +24,11 @@ _BEND = 0.18
 
 
 def edges(view: View) -> dict[Edge, int]:
-    """Messages delivered from one carrier to another; a carrier is a namespace, or a node where there is only one."""
+    """Messages delivered from one carrier to another; a carrier is a namespace, or a node where no link leaves one."""
     graph, recording = view.run.graph, view.run.recording
     network = [link for link in graph.links.values() if link.kind is LinkKind.NETWORK]
-    ends = {node for link in network for node in (link.sender, *link.receivers)}
-    several = len({node.rpartition("/")[0] for node in ends}) > 1
+    ways = [(link.sender.rpartition("/")[0], to.rpartition("/")[0]) for link in network for to in link.receivers]
+    several = any(sender != receiver for sender, receiver in ways)
 
     def carrier(node: str) -> str:
         return (node.rpartition("/")[0] or "/") if several else node
@@ -41,7 +41,8 @@ def edges(view: View) -> dict[Edge, int]:
                 and message.tick + link.channel.delay_ticks < graph.end_tick
                 for message in recording.messages[link.name]
             )
-            found[carrier(link.sender), carrier(receiver)] += delivered
+            if carrier(link.sender) != carrier(receiver):
+                found[carrier(link.sender), carrier(receiver)] += delivered
     return dict(found)
 
 
