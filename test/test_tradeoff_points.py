@@ -71,7 +71,10 @@ def test_a_point_is_the_mean_of_its_runs(small: SmallScenario) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:overflow")
-@pytest.mark.parametrize(("period", "said"), [("2.5", "does not settle: "), ("5.0", "diverged")])
+@pytest.mark.parametrize(
+    ("period", "said"),
+    [("2.5", "does not settle: "), ("5.0", "1 of 1 runs ended by a watch: /plant: the state is no number")],
+)
 def test_what_does_not_hold_is_no_point_of_its_curve(small: SmallScenario, period: str, said: str) -> None:
     done = ran(written(small, SECTION.replace("2.5", period)), 1)
     *held, lost = done.curve(PERIODIC)
