@@ -17,13 +17,13 @@ from etac_ros.bag.recover import recover
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.engines.recording import Recording
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
-from etac_ros.figures import check as check_figures
-from etac_ros.modules.graph import Graph
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.recording import Recording
+from etac_ros.metrics.published import check as check_figures
+from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.timing.windows import WindowPolicy
-from etac_ros.traffic import Summary, Timing, summarise
 
 _WARM_UP_TICKS = 40
 _LONGEST_BY_CALLS = 512
@@ -257,10 +257,10 @@ def run_over_ros(
         If the run could not be finished; what had happened until then is in the bag, which is readable.
     """
     # Only here, so that everything else works without ROS.
+    from etac_ros.engines.ros.count_check import check_counts
     from etac_ros.engines.ros.domain import take_domain
     from etac_ros.engines.ros.launcher import Launcher, Processes
     from etac_ros.engines.ros.plan import Plan, window_topic
-    from etac_ros.engines.ros.tally import check_counts
 
     began = time.perf_counter()
     windows = windows_of(scenario)

@@ -15,7 +15,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.bag.topics import TopicDescription, truth_topic
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.errors import BagError
-from etac_ros.modules.truth import unpack_truth
+from etac_ros.graph.truth import unpack_truth
 
 SIGNAL = TopicDescription("/signal", "geometry_msgs/msg/Point32", "network", "signal")
 TRUTH = truth_topic("/plant")

@@ -20,7 +20,7 @@ from etac_ros.bag.codec import decode, decode_truth, encode, encode_truth
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.topics import TopicDescription, truth_topic
 from etac_ros.bag.write import BagWriter
-from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.graph.wire import Wire, WireFormat
 
 WIRES = {
     "point": Wire(WireFormat.COMPACT, 3),

@@ -15,12 +15,12 @@ from etac_ros.bag.read import read_bag
 from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.engines.recording import Message, Recording
-from etac_ros.modules.channel import Channel
-from etac_ros.modules.graph import Graph, Link, LinkKind
-from etac_ros.modules.plant import PlantModule
-from etac_ros.modules.truth import MOST_SAMPLES, pack_truth, unpack_truth
-from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.graph.channel import Channel
+from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.truth import MOST_SAMPLES, pack_truth, unpack_truth
+from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.scenario.load import load
 
 WIRES = {

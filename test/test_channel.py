@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etac_ros.modules.channel import Channel
+from etac_ros.graph.channel import Channel
 
 MESSAGES = 400
 seeds = st.integers(0, 2**63)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.engines.recording import Recording
+from etac_ros.graph.recording import Recording
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy

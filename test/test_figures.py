@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from etac_ros.engines.recording import Message, Recording
 from etac_ros.errors import ScenarioError
-from etac_ros.figures import check, held_torque, label, measure
+from etac_ros.graph.recording import Message, Recording
+from etac_ros.metrics.published import check, held_torque, label, measure
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic

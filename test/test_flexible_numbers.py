@@ -20,12 +20,12 @@ from scipy.integrate import solve_ivp
 from etac_ros.errors import ScenarioError
 from etac_ros.laws.flexible import FeedbackVector, FeedbackVectorParameters
 from etac_ros.laws.law import Signal
+from etac_ros.metrics.summary import Triggers, with_measured
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.flexible import Flexible, FlexibleParameters
 from etac_ros.plants.plant import Plant, WatchedPlant
 from etac_ros.runs import Run, run_in_process
 from etac_ros.scenario.load import load
-from etac_ros.traffic import Triggers, with_measured
 
 GRID = 100
 J0 = np.array([[350.0, 3.0, 4.0], [3.0, 270.0, 10.0], [4.0, 10.0, 190.0]])  # eq. (74)

@@ -1,8 +1,8 @@
 """The figures of qi2022, from a loop that is nothing but its equations: no modules, no windows.
 
 At every tick the PM's torque comes first, then the SM's law and trigger with that torque, then both are held
-to the next tick. The counts of this reading are asserted exactly, because they do not move under perturbations
-of 1e-9 of the start. Larger perturbations move them (the sequences are chaotic); bands stand for that.
+to the next tick. The counts of this reading are asserted exactly, because they do not move under dispersions
+of 1e-9 of the start. Larger dispersions move them (the sequences are chaotic); bands stand for that.
 """
 
 from collections.abc import Callable
@@ -131,7 +131,7 @@ def test_counts_stand_still_under_rounding(case1: Run) -> None:
     assert np.array_equal(closed_loop(start=case1.states[0] * nudge).triggers, case1.triggers)
 
 
-def test_counts_under_perturbed_starts(case1: Run) -> None:
+def test_counts_under_dispersed_starts(case1: Run) -> None:
     """1e-3 of the start, 20 draws: papers.md has 208 +- 5."""
     counts = []
     for draw in range(20):

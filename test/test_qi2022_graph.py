@@ -16,13 +16,13 @@ from etac_ros.cli.show import make_console
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.report.figures import data
+from etac_ros.metrics import curves
+from etac_ros.metrics.summary import Summary
 from etac_ros.report.source import read_run
 from etac_ros.report.view import View
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy
-from etac_ros.traffic import Summary
 
 VARIANTS = ["case2", "case3", "tuned", "periodic", "heartbeat", "measurement", "site-sm", "smc"]
 
@@ -140,8 +140,8 @@ def test_report_has_both_bodies_and_the_margin_of_the_relative_sensor(tmp_path: 
     """Figures 4, 5 and 9 to 11: recomputed from the bag, the rule fires just where a message was sent."""
     run_in_process(load("qi2022", None, ["duration_s=20"]), tmp_path / "bag")
     run = read_run(tmp_path / "bag")
-    assert list(data.bodies(run.graph)) == ["/sim/plant, SM to PM", "/sim/plant, PM to orbit"]
-    pm = data.attitude(run.graph, run.recording, "/sim/plant, PM to orbit")
+    assert list(curves.bodies(run.graph)) == ["/sim/plant, SM to PM", "/sim/plant, PM to orbit"]
+    pm = curves.attitude(run.graph, run.recording, "/sim/plant, PM to orbit")
     assert np.abs(pm.values[0]).max() == pytest.approx(1.5, abs=0.05)
     found = View(run).margins["/pm/relative_sensor"]
     assert np.array_equal(found.errors >= found.thresholds, found.fired)

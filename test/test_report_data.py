@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
 
-from etac_ros.modules.contract import Window
+from etac_ros.graph.module import Window
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
+from etac_ros.metrics.decisions import Margins, decisions, margins
 from etac_ros.parameters import FloatArray
-from etac_ros.report.figures import data
-from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
-from etac_ros.report.figures.decisions import Margins, decisions, margins
 from etac_ros.report.figures.panels import Panel
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.report.view import View
@@ -87,11 +87,11 @@ def test_a_module_that_does_not_decide_has_been_shown_nothing(run: ReportedRun) 
 @pytest.mark.parametrize("links", [[], ["links.torque.delay_ticks=3", "links.torque.loss=0.3"]])
 def test_held_torque_moves_the_plant_along_its_recorded_samples(links: list[str], tmp_path: Path) -> None:
     run = reported(tmp_path, *links)
-    held = data.held_inputs(run.graph, run.recording, PLANT)["torque"]
+    held = curves.held_inputs(run.graph, run.recording, PLANT)["torque"]
     _, states = run.recording.samples(PLANT)
     ticks = (held.times_s * 32).round().astype(int)
     assert (ticks[0], ticks[-1]) == (0, run.graph.end_tick)
-    plant = data.dynamics(run.graph, PLANT)
+    plant = curves.dynamics(run.graph, PLANT)
     for start, end, torque in zip(ticks[:-1], ticks[1:], held.values, strict=False):
         if end > start:
             moved = plant.propagate(states[start], int(start), int(end - start), torque)
@@ -103,7 +103,7 @@ def test_held_torque_moves_the_plant_along_its_recorded_samples(links: list[str]
 
 
 def test_cumulative_bytes_rise_by_a_message_at_a_time_up_to_the_total(run: ReportedRun) -> None:
-    curve = data.cumulative_bytes(run.graph, run.recording)
+    curve = curves.cumulative_bytes(run.graph, run.recording)
     assert curve.values[-1, 0] == run.summary.network.payload_bytes > 0
     assert curve.times_s[-1] == run.end_s == 100.0
     # At each instant s and u, three components of four bytes each.
@@ -113,7 +113,7 @@ def test_cumulative_bytes_rise_by_a_message_at_a_time_up_to_the_total(run: Repor
 
 def test_cumulative_bytes_of_a_silent_network_stay_zero(run: ReportedRun) -> None:
     silent = type(run.recording)({name: [] for name in run.recording.messages}, run.recording.truth)
-    curve = data.cumulative_bytes(run.graph, silent)
+    curve = curves.cumulative_bytes(run.graph, silent)
     assert curve.times_s.tolist() == [0.0, 100.0]
     assert curve.values.ravel().tolist() == [0.0, 0.0]
 
@@ -125,7 +125,7 @@ def test_energy_ends_at_that_of_the_summary_and_never_falls(run: ReportedRun) ->
 
 
 def test_energy_is_the_integral_of_the_held_torque(run: ReportedRun) -> None:
-    held = data.held_inputs(run.graph, run.recording, PLANT)["torque"]
+    held = curves.held_inputs(run.graph, run.recording, PLANT)["torque"]
     ticks = (held.times_s * 32).round().astype(int)
     every_tick = np.repeat(held.values[:-1], np.diff(ticks), axis=0)
     curve = run.energy[PLANT]
@@ -134,18 +134,18 @@ def test_energy_is_the_integral_of_the_held_torque(run: ReportedRun) -> None:
 
 
 def test_intervals_stand_at_the_instants_that_end_them() -> None:
-    curve = data.intervals(np.array([0.0, 1.5, 2.0]))
+    curve = curves.intervals(np.array([0.0, 1.5, 2.0]))
     assert curve.times_s.tolist() == [1.5, 2.0]
     assert curve.values.ravel().tolist() == [1.5, 0.5]
-    assert data.intervals(np.array([3.0])).times_s.size == 0
+    assert curves.intervals(np.array([3.0])).times_s.size == 0
 
 
 def test_attitude_and_rate_are_in_degrees(run: ReportedRun) -> None:
-    euler = data.attitude(run.graph, run.recording, PLANT)
+    euler = curves.attitude(run.graph, run.recording, PLANT)
     np.testing.assert_allclose(euler.values[0], [10.0, 5.0, -5.0], atol=1e-12)
-    angle = data.attitude_angle(run.graph, run.recording, PLANT)
+    angle = curves.attitude_angle(run.graph, run.recording, PLANT)
     assert angle.values[-1, 0] == pytest.approx(run.summary.performance[PLANT].attitude_error_deg)
-    speed = np.linalg.norm(data.rate(run.graph, run.recording, PLANT).values, axis=1)
+    speed = np.linalg.norm(curves.rate(run.graph, run.recording, PLANT).values, axis=1)
     assert speed[-1] == pytest.approx(run.summary.performance[PLANT].rate_deg_s)
     # The body turns as fast as its attitude changes.
     assert speed.max() == pytest.approx(-np.gradient(angle.values[:, 0], 1 / 32).min(), rel=0.02)
@@ -182,17 +182,17 @@ def exponential(time_constant_s: float, floor: float, end_s: float = 1000.0) -> 
 
 def test_the_steady_state_begins_where_the_error_stays_within_twice_its_late_size() -> None:
     # 10 exp(-t / 20) falls to 0.1 at t = 92.1; then a round twentieth of the run.
-    assert data.transient_end_s([exponential(20.0, 0.1)], 600.0) == 100.0
-    assert data.transient_end_s([exponential(20.0, 0.1), exponential(40.0, 0.1)], 600.0) == 200.0
+    assert curves.transient_end_s([exponential(20.0, 0.1)], 600.0) == 100.0
+    assert curves.transient_end_s([exponential(20.0, 0.1), exponential(40.0, 0.1)], 600.0) == 200.0
 
 
 def test_late_is_what_the_scenario_says() -> None:
     # Between 300 and 500 s the error is ten times as large as before and behind.
     curve = exponential(20.0, 0.1)
     curve.values[(curve.times_s >= 300.0) & (curve.times_s < 500.0)] = 1.0
-    assert data.transient_end_s([curve], 600.0) == 500.0
+    assert curves.transient_end_s([curve], 600.0) == 500.0
     # Seen from 450 s on, the late size is 1, and 10 exp(-t / 20) falls to 2 less 0.1 at t = 33.2; but it falls on.
-    assert data.transient_end_s([curve], 450.0) is None
+    assert curves.transient_end_s([curve], 450.0) is None
 
 
 @pytest.mark.parametrize(
@@ -204,16 +204,16 @@ def test_late_is_what_the_scenario_says() -> None:
     ],
 )
 def test_a_run_without_both_parts_stays_whole(curve: Curve) -> None:
-    assert data.transient_end_s([curve], 600.0) is None
+    assert curves.transient_end_s([curve], 600.0) is None
 
 
 def test_a_run_that_ended_before_its_steady_part_stays_whole() -> None:
-    assert data.transient_end_s([exponential(20.0, 0.1, 500.0)], 600.0) is None
-    assert data.transient_end_s([exponential(20.0, 0.1, 500.0)], 300.0) == 100.0
+    assert curves.transient_end_s([exponential(20.0, 0.1, 500.0)], 600.0) is None
+    assert curves.transient_end_s([exponential(20.0, 0.1, 500.0)], 300.0) == 100.0
 
 
 @st.composite
-def curves(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
+def any_curves(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
     """Samples at any ascending times, and values among which many are equal."""
     size = draw(st.integers(1, 400))
     gaps = draw(arrays(np.float64, size, elements=st.sampled_from([0.5, 0.5, 0.5, 1e-3, 70.0])))
@@ -221,7 +221,7 @@ def curves(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
     return np.cumsum(gaps), values
 
 
-@given(curves(), st.integers(1, 40))
+@given(any_curves(), st.integers(1, 40))
 def test_thinning_leaves_out_only_what_a_column_of_pixels_hides(
     curve: tuple[FloatArray, FloatArray], columns: int
 ) -> None:

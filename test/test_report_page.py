@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
+from etac_ros.metrics import curves
 from etac_ros.report import tables, write_report
-from etac_ros.report.figures import data
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT
 from etac_ros.report.page import page
@@ -223,7 +223,7 @@ def test_with_a_measured_baseline_the_published_one_is_not_drawn(whole: Reported
     view = View(whole, (periodic,))
     assert "published" not in volume.caption(view)
     assert ends_of_lines(view) == [(1000.0, whole.summary.network.payload_bytes), (1000.0, 24_000.0)]
-    assert len(data.cumulative_bytes(periodic.graph, periodic.recording).times_s) > 1000
+    assert len(curves.cumulative_bytes(periodic.graph, periodic.recording).times_s) > 1000
 
 
 def test_the_published_baseline_is_not_drawn_over_a_run_of_another_length(folder: Path) -> None:

@@ -12,8 +12,9 @@ import yaml
 from matplotlib.figure import Figure
 from toy import Ramp, toy
 
+from etac_ros.metrics import curves
 from etac_ros.report import tables, write_report
-from etac_ros.report.figures import data, raster
+from etac_ros.report.figures import raster
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT
 from etac_ros.report.source import read_run
@@ -81,7 +82,7 @@ def test_each_sensor_is_held_against_its_own_plant_and_messages(bag: Path) -> No
         counts.append(run.summary.triggers[name].count)
         assert margins.fired.sum() == counts[-1] - 1
     assert counts[0] != counts[1]
-    assert data.cumulative_bytes(run.graph, run.recording).values[-1, 0] == 24 * sum(counts)
+    assert curves.cumulative_bytes(run.graph, run.recording).values[-1, 0] == 24 * sum(counts)
 
 
 def test_beside_another_run_rows_say_whose_they_are(bag: Path) -> None:
@@ -129,7 +130,7 @@ def test_plants_and_modules_of_ones_own_are_drawn_too(tmp_path: Path) -> None:
     scenario = toy(tmp_path, {"a": {"at": [2, 5, 9]}, "b": {"at": [5, 6]}}, b_says={"delay_ticks": 2})
     run_in_process(scenario, tmp_path / "bag")
     view = View(read_run(tmp_path / "bag"))
-    held = data.held_inputs(view.run.graph, view.run.recording, "/b/ramp")["push"]
+    held = curves.held_inputs(view.run.graph, view.run.recording, "/b/ramp")["push"]
     # The brake hears what was said at tick 5 two ticks late.
     assert held.times_s.tolist() == [0.0, 0.7, 0.8, 2.0]
     assert held.values.ravel().tolist() == [0.0, -0.5, -0.5, -0.5]
@@ -169,14 +170,14 @@ def test_each_input_of_a_plant_is_held_and_spends_energy_by_itself(tmp_path: Pat
     path.write_text(yaml.safe_dump({name: {"ros__parameters": body} for name, body in sections.items()}))
     run_in_process(load(str(path)), tmp_path / "bag")
     view = View(read_run(tmp_path / "bag"))
-    held = data.held_inputs(view.run.graph, view.run.recording, "/ramp")
+    held = curves.held_inputs(view.run.graph, view.run.recording, "/ramp")
     for port in ("push", "pull"):
         assert held[port].times_s.tolist() == [0.0, 0.4, 2.0]
         assert held[port].values.ravel().tolist() == [0.0, -0.5, -0.5]
     spent = view.run.energy["/ramp"].values[-1, 0]
     assert spent == pytest.approx(2 * 0.25 * 1.6)
     # Internal links are no network, and both ports have a row of their own.
-    assert data.cumulative_bytes(view.run.graph, view.run.recording).values[-1, 0] == 4.0
+    assert curves.cumulative_bytes(view.run.graph, view.run.recording).values[-1, 0] == 4.0
     torque = next(kind for kind in FIGURES if kind.name == "torque")
     figure = Figure(figsize=torque.size_in(view))
     torque.draw(view, figure, LIGHT)

@@ -9,12 +9,12 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from etac_ros.figures import trigger_ticks
+from etac_ros.metrics import curves
+from etac_ros.metrics.decisions import parts_of
+from etac_ros.metrics.published import trigger_ticks
 from etac_ros.modules.triggering import Triggering
 from etac_ros.plants.plant import modes_slice_of
 from etac_ros.report import tables
-from etac_ros.report.figures import data
-from etac_ros.report.figures.decisions import parts_of
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT, prefixed, symbols
@@ -67,7 +67,7 @@ def test_every_rule_is_recomputed_to_fire_where_its_module_did_and_nowhere_else(
     view = views[system]
     run = view.run
     compared = [
-        name for name in data.trigger_modules(run.graph) if "Periodic" not in type(trigger_of(view, name)).__name__
+        name for name in curves.trigger_modules(run.graph) if "Periodic" not in type(trigger_of(view, name)).__name__
     ]
     assert tuple(view.margins) == tuple(compared)
     assert compared
@@ -157,10 +157,10 @@ def test_modes_are_the_coordinates_without_their_rates(
 ) -> None:
     view = views[system]
     graph, recording = view.run.graph, view.run.recording
-    dynamics = data.dynamics(graph, plant)
+    dynamics = curves.dynamics(graph, plant)
     names = [label.split()[0] for label in dynamics.labels[modes_slice_of(dynamics)]]
     assert names == [f"eta{mode + 1}" for mode in range(columns)]
-    modes = data.modes(graph, recording, plant)
+    modes = curves.modes(graph, recording, plant)
     # The state has the rates too, behind the coordinates: they are their derivatives.
     where = modes_slice_of(dynamics)
     rates = recording.samples(plant)[1][:, where.stop : where.stop + columns]
@@ -175,7 +175,7 @@ def test_modes_are_the_coordinates_without_their_rates(
 
 def test_a_plant_without_modes_has_none(views: dict[str, View]) -> None:
     run = views["shi2022"].run
-    assert data.modes(run.graph, run.recording, "/plant").values.shape[1] == 0
+    assert curves.modes(run.graph, run.recording, "/plant").values.shape[1] == 0
     assert not kind("modes").applies(views["shi2022"])
 
 

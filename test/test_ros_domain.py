@@ -13,9 +13,9 @@ import pytest
 
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.errors import RunError
+from etac_ros.metrics.summary import Summary
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
-from etac_ros.traffic import Summary
 
 
 def test_a_domain_taken_by_a_run_is_refused() -> None:

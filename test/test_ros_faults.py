@@ -11,8 +11,8 @@ import psutil
 import pytest
 
 from etac_ros.bag.read import read_bag
-from etac_ros.engines.recording import Recording
 from etac_ros.errors import EtacError, RunError
+from etac_ros.graph.recording import Recording
 from etac_ros.runs import run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 

@@ -13,7 +13,7 @@ import pytest
 from test_engines_equal import assert_same
 
 from etac_ros.errors import RunHalted
-from etac_ros.modules.graph import LinkKind
+from etac_ros.graph.graph import LinkKind
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, load
 

@@ -320,7 +320,7 @@ def test_every_fault_is_reported(small: Small) -> None:
 
 
 WIDE = """
-from etac_ros.modules.contract import Module
+from etac_ros.graph.module import Module
 
 class Answer(Module):
     answers = True

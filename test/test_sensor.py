@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from etac_ros.errors import ScenarioError
-from etac_ros.modules.cell import Cell
-from etac_ros.modules.contract import Window
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.plant import PlantModule
+from etac_ros.graph.driver import Driver
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.module import Window
+from etac_ros.graph.plant import PlantModule
 from etac_ros.parameters import FloatArray
 from etac_ros.scenario.load import Scenario, load
 
@@ -69,7 +69,7 @@ def shown(start: int, end: int, dropped: int) -> Window:
     return Window("/plant", 1, start, np.concatenate([samples, nonsense]))
 
 
-def fire(cell: Cell, tick: int) -> tuple[int, bytes]:
+def fire(cell: Driver, tick: int) -> tuple[int, bytes]:
     (link, value), *others = cell.fire(tick)
     assert (link.name, others) == ("filtered_error", [])
     return tick, value.tobytes()
@@ -77,7 +77,7 @@ def fire(cell: Cell, tick: int) -> tuple[int, bytes]:
 
 @functools.cache
 def one_window(case: str, seed: int = 1) -> tuple[tuple[int, bytes], ...]:
-    cell = Cell(graph(case, seed), "/sensor")
+    cell = Driver(graph(case, seed), "/sensor")
     cell.see(shown(0, TICKS, 0))
     fired = []
     tick = -1
@@ -95,7 +95,7 @@ def chance(dice: Random) -> bool:
 @settings(max_examples=25)
 @given(dice=st.integers(0, 2**32).map(Random))
 def test_windows_leave_no_trace(case: str, dice: Random) -> None:
-    cell = Cell(graph(case), "/sensor")
+    cell = Driver(graph(case), "/sensor")
     longest = dice.choice([1, 5, 90])
     fired: Fired = []
     start = 0
@@ -116,7 +116,7 @@ def test_windows_leave_no_trace(case: str, dice: Random) -> None:
 @settings(max_examples=25)
 @given(dice=st.integers(0, 2**32).map(Random))
 def test_looking_changes_nothing(case: str, dice: Random) -> None:
-    cell = Cell(graph(case), "/sensor")
+    cell = Driver(graph(case), "/sensor")
     dropped = shown(0, TICKS, 5)
     fired: Fired = []
     start, middle = 0, dice.randint(1, TICKS - 1)
@@ -175,7 +175,7 @@ def test_noise_enters_where_it_is_told_to() -> None:
 
 def test_what_is_held_is_what_was_sent() -> None:
     # Rounded to the wire: the trigger rule compares with what the controller has.
-    cell = Cell(graph("ideal"), "/sensor")
+    cell = Driver(graph("ideal"), "/sensor")
     cell.see(shown(0, TICKS, 0))
     assert cell.look(-1) == 0
     _, sent = fire(cell, 0)

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.modules.cell import Cell
-from etac_ros.modules.contract import Window
-from etac_ros.modules.plant import PlantModule
+from etac_ros.graph.driver import Driver
+from etac_ros.graph.module import Window
+from etac_ros.graph.plant import PlantModule
 from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import run_in_process
@@ -120,7 +120,7 @@ def shown(case: str, start: int, end: int, dropped: int) -> Window:
     return Window("/plant", 1, start, np.concatenate([samples, nonsense]))
 
 
-def fire(cell: Cell, tick: int) -> tuple[int, bytes]:
+def fire(cell: Driver, tick: int) -> tuple[int, bytes]:
     ((link, value),) = cell.fire(tick)
     assert link.name == "torque_command"
     return tick, value.tobytes()
@@ -132,7 +132,7 @@ def test_looking_and_dropping_leave_no_trace(dice: Random) -> None:
     """Windows of any length with nonsense behind, repeated looks, looks at other windows, ends at a firing or later."""
     ticks = 400
     graph = scenario(*CASES["busy"]).build()
-    cell = Cell(graph, "/controller")
+    cell = Driver(graph, "/controller")
     other = shown("busy", 0, 50, 20)
     longest = dice.choice([1, 5, 200])
     fired: Fired = []

@@ -14,11 +14,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.metrics.summary import Triggers
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import Run, run_in_process
 from etac_ros.scenario.document import read_sections
 from etac_ros.scenario.load import find, load
-from etac_ros.traffic import Triggers
 
 J = np.array([[30.0, 0.5, -0.3], [0.5, 20.0, 0.2], [-0.3, 0.2, 10.0]])
 Q0 = np.array([0.1, 0.2, -0.2, -np.sqrt(0.91)])  # vector, then scalar, as in the paper
@@ -120,10 +120,10 @@ def test_fitted_delta_gives_the_papers_count() -> None:
     assert found.count == pytest.approx(199, abs=2)
     assert found.min_interval_s == pytest.approx(0.04, abs=0.011)
     assert found.max_interval_s is not None
-    assert 4.0 < found.max_interval_s < 7.5  # the paper's 9.03 s is not among 20 perturbed starts, 4.7 to 6.8 s
+    assert 4.0 < found.max_interval_s < 7.5  # the paper's 9.03 s is not among 20 dispersed starts, 4.7 to 6.8 s
 
 
-# Table 1, and the reference simulation; late instants are chaotic: two standard deviations of perturbed starts.
+# Table 1, and the reference simulation; late instants are chaotic: two standard deviations of dispersed starts.
 @pytest.mark.parametrize(
     ("variant", "reference", "spread"),
     [("rate-0.3", 209, 4), ("rate-0.6", 217, 5), ("rate-0.9", 231, 6), ("rate-1.2", 265, 8), ("printed", 327, 8)],

@@ -9,11 +9,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from etac_ros.metrics.summary import Summary, summary_schema, with_measured
 from etac_ros.runs import run_in_process, run_over_ros
 from etac_ros.scenario.load import load
-from etac_ros.traffic import Summary, summary_schema, with_measured
 
-SCHEMA = json.loads(files("etac_ros").joinpath("summary.schema.json").read_text())
+SCHEMA = json.loads(files("etac_ros.metrics").joinpath("summary.schema.json").read_text())
 PROMISED = {
     "scenario", "engine", "overrides", "seed", "duration_s", "triggers", "topics", "network", "final_state",
     "performance", "timing", "bag", "published",

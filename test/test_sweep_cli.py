@@ -21,7 +21,7 @@ RATE = "plant.dynamics.rate_deg_s"
         (["wu2018", "--runs", "0"], ["--runs 0", "1 or more"]),
         (["wu2018", "--set", "sensor.triger.alpha=0.3,0.4"], ["triger", "'trigger'?"]),
         (["wu2018", "--set", "sensor.trigger.alpha="], ["empty"]),
-        (["wu2018", "--perturb", "plant.module=normal:1"], ["plant.module", "number"]),
+        (["wu2018", "--dispersion", "plant.module=normal:1"], ["plant.module", "number"]),
         (["wu2018", "--workers", "0"], ["--workers 0", "1 or more"]),
         (["wu2018", "--runs", "3", "--replay", "3"], ["sample 3", "0 to 2"]),
         (["wu2018", "--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], ["--workers", "--scheduler"]),
@@ -48,7 +48,7 @@ def test_a_sweep_its_summary_and_a_replay(small: SmallScenario, tmp_path: Path) 
         "5",
         "--set",
         "controller.law.k=1.0,2.0",
-        "--perturb",
+        "--dispersion",
         f"{RATE}=normal:2",
     ]
     done = etac(*command, cwd=tmp_path)
@@ -73,7 +73,7 @@ def test_a_sweep_its_summary_and_a_replay(small: SmallScenario, tmp_path: Path) 
 
 def test_a_replay_over_dds_is_the_same_run_with_a_bag(small: SmallScenario, tmp_path: Path) -> None:
     path = small(("    seed: 3\n", "    seed: 3\n    baseline: clocked\n"))
-    command = ["sweep", str(path), "--runs", "3", "--perturb", f"{RATE}=normal:2", "--replay", "2"]
+    command = ["sweep", str(path), "--runs", "3", "--dispersion", f"{RATE}=normal:2", "--replay", "2"]
     calls = etac(*command, "--json", "calls.json", cwd=tmp_path)
     ros = etac(*command, "--engine", "ros", "--bag", "bag", "--json", "ros.json", cwd=tmp_path)
     assert calls.returncode == ros.returncode == 0, calls.stderr + ros.stderr

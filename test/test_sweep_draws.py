@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.mrp import mrp_to_quaternion
-from etac_ros.scenario.schema import Perturbation
-from etac_ros.sweep.draws import check_target, perturbed, run_seed
+from etac_ros.scenario.schema import Dispersion
+from etac_ros.sweep.draws import check_target, dispersed, run_seed
 
 RUNS = range(3000)
 seeds = st.integers(0, 2**31)
@@ -21,7 +21,7 @@ runs = st.integers(0, 10**6)
 
 
 def many(value: Any, key: str = "a.b", **kind: float) -> np.ndarray[Any, Any]:
-    return np.array([perturbed(value, key, Perturbation(**kind), 7, run) for run in RUNS])
+    return np.array([dispersed(value, key, Dispersion(**kind), 7, run) for run in RUNS])
 
 
 def angles(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -31,21 +31,21 @@ def angles(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> np.ndarray[Any, 
 
 @given(seeds, runs)
 def test_a_draw_can_be_had_again_in_any_order(seed: int, run: int) -> None:
-    kind = Perturbation(normal=2.0)
-    first = perturbed([1.0, 2.0], "a.b", kind, seed, run)
-    perturbed([1.0, 2.0], "a.b", kind, seed, run + 1)
-    assert perturbed([1.0, 2.0], "a.b", kind, seed, run) == first
-    assert perturbed([1.0, 2.0], "a.b", kind, seed, run + 1) != first
-    assert perturbed([1.0, 2.0], "a.b", kind, seed + 1, run) != first
-    assert perturbed([1.0, 2.0], "a.c", kind, seed, run) != first
+    kind = Dispersion(normal=2.0)
+    first = dispersed([1.0, 2.0], "a.b", kind, seed, run)
+    dispersed([1.0, 2.0], "a.b", kind, seed, run + 1)
+    assert dispersed([1.0, 2.0], "a.b", kind, seed, run) == first
+    assert dispersed([1.0, 2.0], "a.b", kind, seed, run + 1) != first
+    assert dispersed([1.0, 2.0], "a.b", kind, seed + 1, run) != first
+    assert dispersed([1.0, 2.0], "a.c", kind, seed, run) != first
 
 
 @given(seeds, runs, st.floats(-1e3, 1e3))
 def test_the_deviate_does_not_depend_on_what_it_is_added_to(seed: int, run: int, value: float) -> None:
-    kind = Perturbation(uniform=3.0)
-    there = perturbed(value, "a.b", kind, seed, run)
+    kind = Dispersion(uniform=3.0)
+    there = dispersed(value, "a.b", kind, seed, run)
     assert isinstance(there, float)
-    assert there - value == pytest.approx(perturbed(0.0, "a.b", kind, seed, run), abs=1e-9)
+    assert there - value == pytest.approx(dispersed(0.0, "a.b", kind, seed, run), abs=1e-9)
 
 
 @given(seeds, runs)
@@ -106,9 +106,9 @@ def test_a_turned_mrp_is_the_same_attitude_as_the_turned_quaternion(start: list[
         ("a.k", 2.0, {"rotation_deg": 1.0}, "quaternion"),
     ],
 )
-def test_what_cannot_be_perturbed_is_refused(key: str, value: Any, kind: dict[str, float], said: str) -> None:
+def test_what_cannot_be_dispersed_is_refused(key: str, value: Any, kind: dict[str, float], said: str) -> None:
     with pytest.raises(ScenarioError, match=said) as caught:
-        check_target(key, value, Perturbation(**kind), "file.yaml: here")
+        check_target(key, value, Dispersion(**kind), "file.yaml: here")
     assert "file.yaml: here" in str(caught.value)
     assert key in str(caught.value)
 
@@ -122,5 +122,5 @@ def test_what_cannot_be_perturbed_is_refused(key: str, value: Any, kind: dict[st
         ("a.start_mrp", [0.0, 0.0, 0.0], {"rotation_deg": 1.0}),
     ],
 )
-def test_numbers_and_attitudes_may_be_perturbed(key: str, value: Any, kind: dict[str, float]) -> None:
-    check_target(key, value, Perturbation(**kind), "here")
+def test_numbers_and_attitudes_may_be_dispersed(key: str, value: Any, kind: dict[str, float]) -> None:
+    check_target(key, value, Dispersion(**kind), "here")

@@ -8,15 +8,15 @@ from conftest import SmallScenario
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.load import config_folders, load
 from etac_ros.scenario.values import value_at
-from etac_ros.sweep.draws import check_target, perturbed
+from etac_ros.sweep.draws import check_target, dispersed
 from etac_ros.sweep.plan import make_plan
 
 K = "controller.law.k"
 RATE = "plant.dynamics.rate_deg_s"
-PERTURB = ("    seed: 3\n", "    seed: 3\n    perturb: {%s}\n")
+PERTURB = ("    seed: 3\n", "    seed: 3\n    dispersion: {%s}\n")
 
 
-def perturbing(text: str) -> tuple[str, str]:
+def dispersing(text: str) -> tuple[str, str]:
     return PERTURB[0], PERTURB[1] % text
 
 
@@ -70,27 +70,27 @@ def test_draws_reach_the_scenario_and_nothing_else_changes(small: SmallScenario)
     }
 
 
-def test_a_scenario_states_its_perturbations(small: SmallScenario) -> None:
-    path = small(perturbing(f"{RATE}: {{uniform: 1.5}}, {K}: {{normal: 0.5}}"))
-    assert {key: one.model_dump(exclude_none=True) for key, one in make_plan(str(path), 1).perturbations.items()} == {
+def test_a_scenario_states_its_dispersions(small: SmallScenario) -> None:
+    path = small(dispersing(f"{RATE}: {{uniform: 1.5}}, {K}: {{normal: 0.5}}"))
+    assert {key: one.model_dump(exclude_none=True) for key, one in make_plan(str(path), 1).dispersions.items()} == {
         RATE: {"uniform": 1.5},
         K: {"normal": 0.5},
     }
-    assert dict(make_plan(str(path), 1, perturb=False).perturbations) == {}
-    changed = make_plan(str(path), 1, None, [], [f"{RATE}=none", f"{K}=uniform:0.5"]).perturbations
+    assert dict(make_plan(str(path), 1, dispersion=False).dispersions) == {}
+    changed = make_plan(str(path), 1, None, [], [f"{RATE}=none", f"{K}=uniform:0.5"]).dispersions
     assert {key: one.model_dump(exclude_none=True) for key, one in changed.items()} == {K: {"uniform": 0.5}}
     # It bears on sweeps, not on runs: nodes that are started from either file belong together.
     assert load(str(path)).digest == load(str(small())).digest
 
 
-def test_a_resolved_file_keeps_its_perturbations(small: SmallScenario) -> None:
-    path = small(perturbing(f"{RATE}: {{uniform: 1.5}}, {K}: null"))
+def test_a_resolved_file_keeps_its_dispersions(small: SmallScenario) -> None:
+    path = small(dispersing(f"{RATE}: {{uniform: 1.5}}, {K}: null"))
     text = load(str(path)).text
     path.write_text(text)
-    assert list(make_plan(str(path), 1).perturbations) == [RATE]
+    assert list(make_plan(str(path), 1).dispersions) == [RATE]
 
 
-def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
+def test_dispersions_of_shipped_scenarios_fit_in_every_variant() -> None:
     found = 0
     for path in sorted(path for folder in config_folders() for path in folder.glob("*.yaml")):
         for variant in (None, *load(str(path)).variants):
@@ -100,11 +100,11 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
             except ScenarioError:  # a variant that is there to be refused
                 continue
             values = {}
-            for key, one in scenario.run.perturb.items():
+            for key, one in scenario.run.dispersion.items():
                 assert one is not None
                 before = value_at(scenario.nodes, key, str(path))
                 check_target(key, before, one, str(path))
-                values[key] = perturbed(before, key, one, 1, 1)
+                values[key] = dispersed(before, key, one, 1, 1)
                 assert values[key] != before
                 found += 1
             scenario.with_values(values, 1).build()
@@ -112,7 +112,7 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
 
 
 @pytest.mark.parametrize(
-    ("runs", "sets", "perturbs", "said"),
+    ("runs", "sets", "wanted", "said"),
     [
         (0, [], [], ["--runs 0", "1 or more"]),
         (1, ["controler.law.k=1.0,2.0"], [], ["controler"]),
@@ -123,12 +123,12 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
         (1, [f"{K}=1.0,2.0", f"{K}=3.0,4.0"], [], [K, "already"]),
         (1, ["seed=1,2"], [], ["seed", "grid"]),
         (1, [K], [], ["no assignment"]),
-        (1, [], [f"{K}=normal"], ["--perturb", "KEY=KIND:SIZE"]),
-        (1, [], [f"{K}=normal:-1"], ["--perturb", "-1", "greater than 0"]),
-        (1, [], [f"{K}=gauss:1"], ["--perturb", "normal, uniform, rotation_deg"]),
-        (1, [], [f"{K}:normal"], ["--perturb"]),
-        (1, [], ["controler.law.k=normal:1"], ["--perturb", "controler", "'controller'?"]),
-        (1, [], ["controller.law.kk=normal:1"], ["--perturb", "kk", "'k'?"]),
+        (1, [], [f"{K}=normal"], ["--dispersion", "KEY=KIND:SIZE"]),
+        (1, [], [f"{K}=normal:-1"], ["--dispersion", "-1", "greater than 0"]),
+        (1, [], [f"{K}=gauss:1"], ["--dispersion", "normal, uniform, rotation_deg"]),
+        (1, [], [f"{K}:normal"], ["--dispersion"]),
+        (1, [], ["controler.law.k=normal:1"], ["--dispersion", "controler", "'controller'?"]),
+        (1, [], ["controller.law.kk=normal:1"], ["--dispersion", "kk", "'k'?"]),
         (1, [], ["controller=normal:1"], ["whole node"]),
         (1, [], ["plant.module=normal:1"], ["plant.module", "number"]),
         (1, [], ["plant.dynamics.inertia_kg_m2=normal:1"], ["every draw", "symmetric"]),
@@ -136,10 +136,10 @@ def test_perturbations_of_shipped_scenarios_fit_in_every_variant() -> None:
     ],
 )
 def test_bad_input_is_refused_before_anything_runs(
-    small: SmallScenario, runs: int, sets: list[str], perturbs: list[str], said: list[str]
+    small: SmallScenario, runs: int, sets: list[str], wanted: list[str], said: list[str]
 ) -> None:
     with pytest.raises(ScenarioError) as caught:
-        make_plan(str(small()), runs, None, sets, perturbs)
+        make_plan(str(small()), runs, None, sets, wanted)
     for words in said:
         assert words in str(caught.value)
 
@@ -147,24 +147,24 @@ def test_bad_input_is_refused_before_anything_runs(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (f"{K}: {{gauss: 1.0}}", [f"perturb.{K}", "gauss"]),
-        (f"{K}: {{normal: 0.0}}", [f"perturb.{K}", "greater than 0"]),
-        (f"{K}: {{normal: 1.0, uniform: 1.0}}", [f"perturb.{K}", "normal and uniform"]),
-        (f"{K}: 1.0", [f"perturb.{K}", "found 1.0"]),
-        ("plant.module: {normal: 1.0}", ["perturb.plant.module", "number"]),
-        ("plnt.module: {normal: 1.0}", ["perturb.plnt.module", "'plant'?"]),
+        (f"{K}: {{gauss: 1.0}}", [f"dispersion.{K}", "gauss"]),
+        (f"{K}: {{normal: 0.0}}", [f"dispersion.{K}", "greater than 0"]),
+        (f"{K}: {{normal: 1.0, uniform: 1.0}}", [f"dispersion.{K}", "normal and uniform"]),
+        (f"{K}: 1.0", [f"dispersion.{K}", "found 1.0"]),
+        ("plant.module: {normal: 1.0}", ["dispersion.plant.module", "number"]),
+        ("plnt.module: {normal: 1.0}", ["dispersion.plnt.module", "'plant'?"]),
     ],
 )
-def test_a_wrong_perturbation_in_a_file_names_file_and_key(small: SmallScenario, text: str, said: list[str]) -> None:
+def test_a_wrong_dispersion_in_a_file_names_file_and_key(small: SmallScenario, text: str, said: list[str]) -> None:
     with pytest.raises(ScenarioError) as caught:
-        make_plan(str(small(perturbing(text))), 1)
-    for words in ("small.yaml: /**.perturb", *said):
+        make_plan(str(small(dispersing(text))), 1)
+    for words in ("small.yaml: /**.dispersion", *said):
         assert words in str(caught.value)
 
 
-def test_no_perturb_stands_alone(small: SmallScenario) -> None:
-    with pytest.raises(ScenarioError, match="--no-perturb"):
-        make_plan(str(small()), 1, None, [], [f"{K}=normal:1"], perturb=False)
+def test_no_dispersion_stands_alone(small: SmallScenario) -> None:
+    with pytest.raises(ScenarioError, match="--no-dispersion"):
+        make_plan(str(small()), 1, None, [], [f"{K}=normal:1"], dispersion=False)
 
 
 @pytest.mark.parametrize("sample", [-1, 6])

@@ -176,7 +176,7 @@ def workers_of(pid: int) -> list[psutil.Process]:
 
 
 def command(path: Path, output: Path) -> subprocess.Popen[str]:
-    arguments = ["sweep", str(path), "--runs", "100000", "--perturb", f"{RATE}=normal:2", "--workers", "2"]
+    arguments = ["sweep", str(path), "--runs", "100000", "--dispersion", f"{RATE}=normal:2", "--workers", "2"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(p).resolve()) for p in sys.path if p)}
     return subprocess.Popen(
         [sys.executable, "-m", "etac_ros", *arguments, "--output", str(output)],

@@ -94,7 +94,7 @@ def test_the_file_carries_what_was_swept(plan: Plan, tmp_path: Path) -> None:
     said = again.description
     assert (said["version"], said["seed"], said["runs"]) == (__version__, 3, 4)
     assert said["points"] == [{K: 1.0}, {K: 2.0}]
-    assert said["perturbations"] == {RATE: {"normal": 2.0}, K: {"uniform": 0.1}}
+    assert said["dispersions"] == {RATE: {"normal": 2.0}, K: {"uniform": 0.1}}
     assert said["published"][0]["triggers"]["high"] == 90.0
     assert {"numpy", "numba", "python"} <= set(said["versions"])
     copy = tmp_path / "copy.yaml"
@@ -169,7 +169,7 @@ def test_a_draw_that_the_scenario_refuses_is_a_row(small: SmallScenario) -> None
     assert all("alpha" in row["refused"] for row in found if row["refused"])
 
 
-def test_without_perturbations_only_noise_and_losses_differ(small: SmallScenario) -> None:
+def test_without_dispersions_only_noise_and_losses_differ(small: SmallScenario) -> None:
     quiet = rows(sweep(make_plan(str(small()), 3), here))
     assert len({row["energy_n2m2s"] for row in quiet}) == 1
     assert len({row["seed"] for row in quiet}) == 3

@@ -115,7 +115,7 @@ def test_trace_in_process(name: str, length: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", list(CASES))
 def test_trace_over_dds(name: str, tmp_path: Path) -> None:
     case = CASES[name]
-    run = run_over_ros(case.scenario(tmp_path), tmp_path / "bag", RosOptions(processes="namespace"))
+    run = run_over_ros(case.scenario(tmp_path), tmp_path / "arrivals", RosOptions(processes="namespace"))
     assert trace(run.recording) == case.lines()
 
 
@@ -139,4 +139,4 @@ def test_a_loop_without_delay_names_its_links(tmp_path: Path) -> None:
 def test_a_loop_without_delay_ends_a_run_over_dds(tmp_path: Path) -> None:
     scenario = toy(tmp_path, {"a": {"at": [3], "echo": True}, "b": {"echo": True}})
     with pytest.raises(ProtocolError, match="still go round"):
-        run_over_ros(scenario, tmp_path / "bag")
+        run_over_ros(scenario, tmp_path / "arrivals")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from etac_ros.figures import held_torque
+from etac_ros.metrics.published import held_torque
 from etac_ros.parameters import square
 from etac_ros.runs import simulate
 from etac_ros.scenario.load import load

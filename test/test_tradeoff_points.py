@@ -21,7 +21,7 @@ from etac_ros.tradeoff.layout import PERIODIC, lay_out
 from etac_ros.tradeoff.points import TradePoint, points_of
 from etac_ros.tradeoff.zeno import shortest_of, zeno_words
 
-PERTURB = "    perturb: {plant.dynamics.rate_deg_s: {normal: 20.0}}\n"
+PERTURB = "    dispersion: {plant.dynamics.rate_deg_s: {normal: 20.0}}\n"
 SECTION = """\
     tradeoff:
       curves:

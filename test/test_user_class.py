@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.engines.recording import Message, Recording
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.recording import Message, Recording
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy
@@ -29,7 +29,7 @@ CODE = {
 import numpy as np
 from pydantic import PositiveFloat
 
-from etac_ros.modules.contract import Module
+from etac_ros.graph.module import Module
 from etac_ros.parameters import Parameters
 
 
@@ -128,7 +128,7 @@ class Wheel(Module):
         return {"torque": 0.9 * bag[-1].value}
 ''',
     "wrong.py": """
-from etac_ros.modules.contract import Module
+from etac_ros.graph.module import Module
 from etac_ros.parameters import Parameters
 
 
@@ -270,7 +270,7 @@ def test_own_parameters_are_overridden_and_checked(own: Path) -> None:
 def test_own_plant_module_may_stand_anywhere(own: Path, package: Path) -> None:
     # A subclass of the plant module is a plant, too, for the sensor that stands before it in the file.
     (package / "plants.py").write_text(
-        "from etac_ros.modules.plant import PlantModule\nclass Mine(PlantModule):\n    pass\n"
+        "from etac_ros.graph.plant import PlantModule\nclass Mine(PlantModule):\n    pass\n"
     )
     scenario = load(str(own), overrides=[f"spin.module={PACKAGE}.plants:Mine"])
     assert scenario.build().plants == ("/spin",)
@@ -325,7 +325,7 @@ def test_wrong_law_is_told(law: str, parts: list[str], small: Small) -> None:
     [
         ("wrong:NoContext", ["/actuator: NoContext() does not take what it is given", "Context"]),
         ("wrong:OddParameters", ["/actuator.module: OddParameters has no 'Parameters'"]),
-        ("wrong:NoParameters", [f"/actuator.module: {PACKAGE}.wrong:NoParameters is no module", "contract:Module"]),
+        ("wrong:NoParameters", [f"/actuator.module: {PACKAGE}.wrong:NoParameters is no module", "module:Module"]),
         ("loop:Wheel", ["/**.links.command.to: /actuator:command takes 1 components", "sends 3"]),
     ],
 )
@@ -345,7 +345,7 @@ def test_package_that_is_not_on_the_path(own: Path, package: Path) -> None:
 def test_own_sensor_without_fire_names_itself(own: Path, package: Path) -> None:
     # scan() without fire() is a programming error: it is no fault of the scenario, and says whose it is.
     (package / "half.py").write_text(
-        "from etac_ros.modules.contract import Module\n"
+        "from etac_ros.graph.module import Module\n"
         "class Half(Module):\n"
         "    def __init__(self, context, parameters):\n"
         "        super().__init__(context)\n"

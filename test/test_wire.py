@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray
 
 COMPACT, STAMPED, EXACT = WireFormat.COMPACT, WireFormat.STAMPED, WireFormat.EXACT

@@ -13,10 +13,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from etac_ros.metrics.summary import Triggers
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import Run, run_in_process
 from etac_ros.scenario.load import load
-from etac_ros.traffic import Triggers
 
 J = np.array([[147.0, 6.5, 6.0], [6.5, 158.0, 5.5], [6.0, 5.5, 137.0]])  # eq. (37)
 J_INVERSE = np.linalg.inv(J)

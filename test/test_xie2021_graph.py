@@ -61,7 +61,7 @@ def test_at_a_tick_all_decide_first_then_obtain_then_conclude() -> None:
     fires = [order.module for order, _ in first if isinstance(order, Fire)]
     assert fires == ["/sc1/sensor", "/sc2/sensor", "/sc3/sensor", "/sc4/sensor"]
     bags = {
-        order.module: [link for link, _ in order.bag]
+        order.module: [link for link, _ in order.messages]
         for order, _ in first
         if isinstance(order, Deliver) and order.step == 1
     }
@@ -130,14 +130,14 @@ def test_an_edge_that_is_down_delivers_nothing_and_comes_back() -> None:
         for order, _ in lines
         if isinstance(order, Deliver)
         and order.module == "/sc2/sensor"
-        and any(m.link == "sc1_state" for m in order.bag)
+        and any(m.link == "sc1_state" for m in order.messages)
     ]
     to_four = [
         order.tick
         for order, _ in lines
         if isinstance(order, Deliver)
         and order.module == "/sc4/sensor"
-        and any(m.link == "sc1_state" for m in order.bag)
+        and any(m.link == "sc1_state" for m in order.messages)
     ]
     assert not [tick for tick in to_two if 10_000 <= tick < 20_000]
     assert [tick for tick in to_two if tick >= 20_000]

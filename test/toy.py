@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from etac_ros.engines.recording import Recording
-from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
+from etac_ros.graph.recording import Recording
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.load import Scenario, load
@@ -92,9 +92,9 @@ class Scripted(Module):
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         return self._say(sample)
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         assert tick is not None
-        self._heard += len(bag)
+        self._heard += len(arrivals)
         return self._say(sample) if self._parameters.echo else {}
 
     def _say(self, sample: FloatArray | None) -> Outputs:
@@ -112,7 +112,7 @@ class Brake(Module):
         self.inputs = {"heard": 1}
         self.outputs = {"push": 1}
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         return {"push": np.array([-0.5])}
 
 

@@ -16,7 +16,7 @@ from rosbags.serde import SerdeError
 from etac_ros.bag.clock import NANOSECONDS
 from etac_ros.bag.definitions import typestore
 from etac_ros.bag.topics import TRUTH_TYPE
-from etac_ros.modules.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
+from etac_ros.graph.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
 from etac_ros.parameters import FloatArray
 
 _SCALARS: dict[str, Callable[[Any], tuple[float, ...]]] = {

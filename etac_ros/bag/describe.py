@@ -11,7 +11,7 @@ from etac_ros.bag.codec import decode
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.topics import TopicDescription, TopicKind
 from etac_ros.errors import BagError
-from etac_ros.modules.wire import PAYLOAD_BYTES_A_COMPONENT
+from etac_ros.graph.wire import PAYLOAD_BYTES_A_COMPONENT
 
 
 @dataclass(frozen=True)

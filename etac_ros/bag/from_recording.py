@@ -11,9 +11,9 @@ from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.run_metadata import TICKS_PER_SECOND
 from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
-from etac_ros.engines.recording import Recording
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.truth import MOST_SAMPLES
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.recording import Recording
+from etac_ros.graph.truth import MOST_SAMPLES
 
 _Entry = tuple[tuple[int, int, int, int], str, Callable[[], bytes]]
 """Place in the bag (tick, step, topic, sequence), topic, and how to serialize the message."""

@@ -14,8 +14,8 @@ from etac_ros.bag.contents import Contents, RawMessage, mcap_file
 from etac_ros.bag.metadata import FILE_NAME, read_counts
 from etac_ros.bag.run_metadata import ticks_per_second
 from etac_ros.bag.topics import TopicDescription
-from etac_ros.engines.recording import Message, Recording
 from etac_ros.errors import BagError
+from etac_ros.graph.recording import Message, Recording
 from etac_ros.parameters import FloatArray
 
 

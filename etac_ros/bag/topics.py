@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from etac_ros.modules.graph import EMULATION, Graph, Link, LinkKind
+from etac_ros.graph.graph import EMULATION, Graph, Link, LinkKind
 
 TopicKind = Literal["network", "internal", "physical", "emulation"]
 """The kinds of link, and ``emulation`` for what only the simulation needs."""

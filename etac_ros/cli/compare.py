@@ -9,9 +9,9 @@ from rich.progress import track
 
 from etac_ros.cli.show import band, figure_label, number, plain_table
 from etac_ros.errors import ScenarioError
+from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
 from etac_ros.runs import baseline_of, run_in_process
 from etac_ros.scenario.load import Scenario, load
-from etac_ros.traffic import Summary, Totals, traffic_by_namespace, with_measured
 
 _MOST_COLUMNS = 5
 

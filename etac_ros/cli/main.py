@@ -107,11 +107,11 @@ def sweep(
         list[str] | None,
         typer.Option("--set", metavar="KEY=A[,B...]", help="Override a value; several make a grid; repeatable."),
     ] = None,
-    perturb: Annotated[
+    dispersion: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=KIND:SIZE", help="normal, uniform or rotation_deg, or KEY=none; repeatable."),
     ] = None,
-    no_perturb: Annotated[bool, typer.Option("--no-perturb", help="Draw nothing but noise and losses.")] = False,
+    no_dispersion: Annotated[bool, typer.Option("--no-dispersion", help="Draw nothing but noise and losses.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes; default: one a core.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Run on the workers of this dask scheduler.")] = None,
     output: Annotated[Path | None, typer.Option(help="Parquet file; default: one in sweeps/, named after it.")] = None,
@@ -129,8 +129,8 @@ def sweep(
         runs=runs,
         variant=variant,
         overrides=tuple(set_ or ()),
-        perturbations=tuple(perturb or ()),
-        perturb=not no_perturb,
+        dispersions=tuple(dispersion or ()),
+        dispersion=not no_dispersion,
         workers=workers,
         scheduler=scheduler,
         output=output,
@@ -212,7 +212,7 @@ def node(
 @app.command()
 def schema() -> None:
     """Print the JSON schema of what --json writes."""
-    from etac_ros.traffic import summary_schema
+    from etac_ros.metrics.summary import summary_schema
 
     typer.echo(summary_schema(), nl=False)
 

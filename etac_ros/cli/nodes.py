@@ -17,8 +17,8 @@ from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
 from etac_ros.scenario.load import Scenario, load
 
 if TYPE_CHECKING:
+    from etac_ros.engines.ros.count_check import Outcome
     from etac_ros.engines.ros.plan import Plan
-    from etac_ros.engines.ros.tally import Outcome
 
 
 def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
@@ -50,9 +50,9 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
 
     plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
     name = "/" + name.strip("/")
-    if name not in plan.stations:
+    if name not in plan.nodes:
         raise ScenarioError(
-            f"{scenario.path}", f"has no node '{name}'", f"one of: {', '.join(plan.stations)}",
+            f"{scenario.path}", f"has no node '{name}'", f"one of: {', '.join(plan.nodes)}",
             "choose with -r __ns:=/NAMESPACE -r __node:=NAME",
         )  # fmt: skip
     if name == COORDINATOR and plan.timekeeper_with:
@@ -75,14 +75,14 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
+    from etac_ros.engines.ros.count_check import check_counts
     from etac_ros.engines.ros.plan import RECORDER
-    from etac_ros.engines.ros.tally import check_counts
 
     if name == RECORDER:
         print(f"{name}: bag {directory}")
     if outcome is None:
         return
-    written = outcome.farewells[RECORDER]["written"]
+    written = outcome.leave_notes[RECORDER]["written"]
     check_counts(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
     for module, count in outcome.fired.items():
         print(f"{module}: {count} triggering instants")

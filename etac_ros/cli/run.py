@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.show import show_summary
 from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
     RosOptions,
     Run,
@@ -24,7 +25,6 @@ from etac_ros.runs import (
     warm_up,
 )
 from etac_ros.scenario.load import Scenario, load
-from etac_ros.traffic import with_measured
 
 
 @dataclass(frozen=True)

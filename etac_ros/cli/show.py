@@ -11,9 +11,9 @@ from rich.table import Table
 
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
-from etac_ros.figures import families, label, stands_alone
+from etac_ros.metrics.published import families, label, stands_alone
+from etac_ros.metrics.summary import PublishedValue, Summary
 from etac_ros.scenario.load import Scenario
-from etac_ros.traffic import PublishedValue, Summary
 
 _NARROWEST = 124
 """Columns below which the tables would be cut."""

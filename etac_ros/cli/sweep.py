@@ -14,7 +14,8 @@ from rich.text import Text
 
 from etac_ros.cli.show import band, number, plain_table, show_summary
 from etac_ros.errors import ScenarioError
-from etac_ros.figures import label
+from etac_ros.metrics.published import label
+from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import RosOptions, Run, free_bag_directory, run_over_ros
 from etac_ros.sweep.bands import Band, bands, endings, shortest_interval
 from etac_ros.sweep.describe import describe
@@ -23,7 +24,6 @@ from etac_ros.sweep.result import SweepResult
 from etac_ros.sweep.run import sweep_to_file, usual_workers
 from etac_ros.sweep.sample import run_sample
 from etac_ros.sweep.workers import Workers
-from etac_ros.traffic import with_measured
 
 _FOLDER = Path("sweeps")
 _NARROWEST = 160
@@ -54,8 +54,8 @@ class SweepRequest:
     runs: int
     variant: str | None
     overrides: tuple[str, ...]
-    perturbations: tuple[str, ...]
-    perturb: bool
+    dispersions: tuple[str, ...]
+    dispersion: bool
     workers: int | None
     scheduler: str | None
     output: Path | None
@@ -76,7 +76,7 @@ def sweep_and_show(request: SweepRequest, console: Console) -> bool:
     workers = _workers(request)
     with console.status(f"{request.scenario}: preparing"):
         plan = make_plan(
-            request.scenario, request.runs, request.variant, request.overrides, request.perturbations, request.perturb
+            request.scenario, request.runs, request.variant, request.overrides, request.dispersions, request.dispersion
         )
     for option, given in (("--engine ros", request.engine == "ros"), ("--bag", request.bag), ("--json", request.json)):
         if given and request.replay is None:
@@ -137,7 +137,7 @@ def _workers(request: SweepRequest) -> Workers:
 def _usual_path(plan: Plan) -> Path:
     """The same file for the same sweep, so that the same command goes on with it."""
     described = describe(plan)
-    same = {key: described[key] for key in ("digests", "fixed", "points", "perturbations", "runs", "seed", "version")}
+    same = {key: described[key] for key in ("digests", "fixed", "points", "dispersions", "runs", "seed", "version")}
     variant = f"_{plan.scenario.variant}" if plan.scenario.variant else ""
     return _FOLDER / f"{plan.scenario.name}{variant}_{sha256(repr(same).encode()).hexdigest()[:8]}.parquet"
 
@@ -171,8 +171,8 @@ def show_result(result: SweepResult, console: Console) -> None:
     described = result.description
     variant = f", variant {described['variant']}" if described["variant"] else ""
     console.print(f"\n{described['title'] or described['scenario']}{variant}: {described['runs']:,} runs", style="bold")
-    for key, perturbation in described["perturbations"].items():
-        console.print(f"  {key}: {', '.join(f'{kind} {size:g}' for kind, size in perturbation.items())}")
+    for key, dispersion in described["dispersions"].items():
+        console.print(f"  {key}: {', '.join(f'{kind} {size:g}' for kind, size in dispersion.items())}")
     spread = bands(result)
     for point, (values, ended) in enumerate(zip(described["points"], endings(result), strict=True)):
         console.print()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from etac_ros.engines.recording import Message, Recording
-from etac_ros.modules.cell import Cell, Sent
-from etac_ros.modules.contract import Arrival
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.plant import PlantModule
+from etac_ros.graph.driver import Driver, Sent
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.module import Arrival
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Message, Recording
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Deliver, Fire, Look, MessageId, Open, Order, Report
@@ -40,7 +40,7 @@ class InProcess:
         )
         self._graph = graph
         self._trace = trace
-        self._cells = {name: Cell(graph, name) for name in graph.modules}
+        self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
 
@@ -65,7 +65,7 @@ class InProcess:
                 orders = batches.send(reports)
             except StopIteration:
                 break
-        for link, sequence, tick, step in self.master.take_ledger():
+        for link, sequence, tick, step in self.master.take_message_log():
             value = self._values[MessageId(link, sequence)]
             self.recording.messages[link].append(Message(sequence, tick, step, value))
         return self.recording
@@ -80,15 +80,15 @@ class InProcess:
         if isinstance(order, Look):
             return self._look(order)
         if isinstance(order, Deliver):
-            cell = self._cells[order.module]
-            arrivals = tuple(self._arrival(order.module, message) for message in order.bag)
-            return Report(self._send(cell.receive(order.tick, arrivals)), halt=cell.module.halt)
+            driver = self._drivers[order.module]
+            arrivals = tuple(self._arrival(order.module, message) for message in order.messages)
+            return Report(self._send(driver.receive(order.tick, arrivals)), halt=driver.module.halt)
         if isinstance(order, Open):
             return self._open(order)
         if isinstance(order, Fire):
-            cell = self._cells[order.module]
-            sent, concluded = self._act(cell, order.tick, order.alone)
-            return Report(sent, concluded=concluded, halt=cell.module.halt)
+            driver = self._drivers[order.module]
+            sent, concluded = self._act(driver, order.tick, order.alone)
+            return Report(sent, concluded=concluded, halt=driver.module.halt)
         self._commit(order.module, order.tick)
         return Report(halt=self._plant(order.module).halt)
 
@@ -96,12 +96,12 @@ class InProcess:
         plant = self._graph.reads.get(order.module)
         if plant is not None and self._plant(plant).halt:
             return Report()  # there is no window any more to look at
-        cell = self._cells[order.module]
-        proposal = cell.look(order.after)
+        driver = self._drivers[order.module]
+        proposal = driver.look(order.after)
         if proposal is None or proposal > order.grant:
             return Report(proposal=proposal)
-        sent, concluded = self._act(cell, proposal, alone=True)
-        return Report(sent, proposal, fired=True, concluded=concluded, halt=cell.module.halt)
+        sent, concluded = self._act(driver, proposal, alone=True)
+        return Report(sent, proposal, fired=True, concluded=concluded, halt=driver.module.halt)
 
     def _open(self, order: Open) -> Report:
         self._commit(order.module, order.tick)
@@ -110,12 +110,12 @@ class InProcess:
             return Report(halt=plant.halt)
         window = plant.open(order.length)
         for reader in self._graph.readers[order.module]:
-            self._cells[reader].see(window)
+            self._drivers[reader].see(window)
         return Report()
 
-    def _act(self, cell: Cell, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-        sent = self._send(cell.fire(tick))
-        return sent, self._send(cell.conclude(tick)) if alone and cell.module.concludes else None
+    def _act(self, driver: Driver, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+        sent = self._send(driver.fire(tick))
+        return sent, self._send(driver.conclude(tick)) if alone and driver.module.concludes else None
 
     def _plant(self, name: str) -> PlantModule:
         module = self._graph.modules[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from etac_ros.modules.contract import Bag, Context, Module, Outputs
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs
 from etac_ros.parameters import FloatArray, Parameters
 
 
@@ -35,6 +35,6 @@ class Actuator(Module):
         self.outputs = {"torque": 3}
         self._limit = np.inf if parameters.limit_nm is None else parameters.limit_nm
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """The torque held from now on [N m]."""
-        return {"torque": np.minimum(np.maximum(bag[-1].value, -self._limit), self._limit)}
+        return {"torque": np.minimum(np.maximum(arrivals[-1].value, -self._limit), self._limit)}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs
 from etac_ros.laws.law import Law
-from etac_ros.modules.contract import Bag, Context, Module, Outputs
 from etac_ros.parameters import FloatArray, Parameters
 
 
@@ -33,6 +33,6 @@ class Controller(Module):
         self._law = law
         self._wire = self.wire("command")
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the command for the newest signal."""
-        return {"command": self._wire.rounded(self._law.command(bag[-1].value))}
+        return {"command": self._wire.rounded(self._law.command(arrivals[-1].value))}

@@ -2,7 +2,7 @@
 
 Triggering instants are decided on what was known before this tick's messages. Who fires broadcasts, and then forms its
 signal with the messages of this very tick in it (xie2021, remark 3: it "broadcasts ... and obtains"): the module is one
-that concludes (see :class:`~etac_ros.modules.contract.Module`).
+that concludes (see :class:`~etac_ros.graph.module.Module`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, NonNegativeInt
 
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.laws.law import TickArray
-from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
@@ -149,14 +149,14 @@ class FormationSensor(Module):
             outputs["request"] = _REQUEST
         return outputs
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Take in what the neighbours say, reply to who asks, and conclude a triggering instant."""
         assert tick is not None
         assert sample is not None
         row = np.ascontiguousarray(sample[np.newaxis, :])
         outputs: dict[str, FloatArray] = {}
         replied = False
-        for arrival in bag:
+        for arrival in arrivals:
             if arrival.port in self._places:
                 place = self._places[arrival.port]
                 self._known[place] = arrival.value

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from etac_ros.graph.module import Context, Module, Outputs, Window
 from etac_ros.laws.law import LawWithMemory
-from etac_ros.modules.contract import Context, Module, Outputs, Window
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch, rows_left, words

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from etac_ros.graph.module import Context, Module, Outputs, Window
 from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
 from etac_ros.maths.noise import normals, stream_key
-from etac_ros.modules.contract import Context, Module, Outputs, Window
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.periodic import Periodic

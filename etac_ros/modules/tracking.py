@@ -11,8 +11,8 @@ from enum import StrEnum
 import numpy as np
 from pydantic import Field
 
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.laws.law import ModalLaw, RelativeSignal, TickArray, TimedLaw, WatchedLaw
-from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.triggers.rule import TriggerRule
@@ -45,9 +45,9 @@ class TimedController(Module):
         self._law = law
         self._wire = self.wire("command")
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the torque for the newest signal."""
-        torque = self._law.torque(_row(bag[-1].value), _now(tick))
+        torque = self._law.torque(_row(arrivals[-1].value), _now(tick))
         return {"command": self._wire.rounded(torque[0])}
 
 
@@ -129,11 +129,11 @@ class RelativeSensor(Module):
         self._wire = self.wire("signal")
         self._decision = _Decision(trigger)
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Measure with the torque that has just arrived, and transmit if the rule holds."""
         assert tick is not None
         assert sample is not None
-        measured = self.measurement.evaluate(_row(sample), _row(bag[-1].value), _now(tick))
+        measured = self.measurement.evaluate(_row(sample), _row(arrivals[-1].value), _now(tick))
         watched = self.law.watched(measured, _now(tick))
         if not self._decision.fires(watched, tick):
             return {}
@@ -187,10 +187,10 @@ class TriggeredController(Module):
         self._wire = self.wire("command")
         self._decision = _Decision(trigger)
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Send the torque on if the rule holds."""
         assert tick is not None
-        watched = self._law.watched(_row(bag[-1].value), _now(tick))
+        watched = self._law.watched(_row(arrivals[-1].value), _now(tick))
         if not self._decision.fires(watched, tick):
             return {}
         held = self._wire.rounded(watched[0, : self._wire.size])
@@ -243,10 +243,10 @@ class ModalController(Module):
         self._wire = self.wire("command")
         self._modes = slice(parameters.first_mode, parameters.first_mode + parameters.modes)
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the torque for the newest signal."""
         assert sample is not None
-        torque = self._law.torque(_row(bag[-1].value), _row(sample[self._modes]), _now(tick))
+        torque = self._law.torque(_row(arrivals[-1].value), _row(sample[self._modes]), _now(tick))
         return {"command": self._wire.rounded(torque[0])}
 
 

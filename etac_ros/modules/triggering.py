@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
-from etac_ros.modules.contract import Bag, Window
+from etac_ros.graph.module import Arrivals, Window
 from etac_ros.parameters import FloatArray
 from etac_ros.triggers.rule import TriggerRule
 
-Heard = Mapping[int, Bag]
+Heard = Mapping[int, Arrivals]
 """All that arrived at a module, by tick; within a tick in the order of its steps."""
 NOTHING: Heard = MappingProxyType({})
 

@@ -12,16 +12,16 @@ from typing import Any
 
 from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.run_metadata import RECOVERED
-from etac_ros.engines.recording import Recording
 from etac_ros.errors import BagError, ScenarioError
-from etac_ros.figures import watches_of_module
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.graph import Graph
+from etac_ros.metrics.curves import Curve, energy, held_inputs, last_tick
+from etac_ros.metrics.published import watches_of_module
+from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.plants.watch import Watch
-from etac_ros.report.figures.data import Curve, energy, held_inputs, last_tick
 from etac_ros.runs import SCENARIO_ATTACHMENT, scenario_in
 from etac_ros.scenario.load import Scenario
-from etac_ros.traffic import Summary, Timing, summarise
 
 
 @dataclass(frozen=True)

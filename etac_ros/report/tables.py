@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from etac_ros.figures import label, stands_alone
+from etac_ros.metrics.published import label, stands_alone
+from etac_ros.metrics.summary import Summary, Topic, Totals, with_measured
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
 from etac_ros.scenario.schema import PublishedFigure
-from etac_ros.traffic import Summary, Topic, Totals, with_measured
 
 _Cells = dict[str, tuple[str, ...]]
 """Cells of one run by what stands at the head of their row."""

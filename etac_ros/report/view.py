@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.report.figures.data import attitude_angle, transient_end_s, trigger_modules
-from etac_ros.report.figures.decisions import Decisions, Margins, decisions, margins
+from etac_ros.metrics.curves import attitude_angle, transient_end_s, trigger_modules
+from etac_ros.metrics.decisions import Decisions, Margins, decisions, margins
 from etac_ros.report.source import ReportedRun
 from etac_ros.scenario.schema import PublishedFigure
 

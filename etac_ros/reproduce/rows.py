@@ -1,4 +1,4 @@
-"""One row for each published figure: measured over one run, with its band over many perturbed ones."""
+"""One row for each published figure: measured over one run, with its band over many dispersed ones."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from etac_ros.errors import ScenarioError
-from etac_ros.figures import label
+from etac_ros.metrics.published import label
+from etac_ros.metrics.summary import PublishedValue, Summary, with_measured
 from etac_ros.reproduce.verdict import Spread, Verdict, judge
 from etac_ros.runs import RosOptions, baseline_of, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.sweep.bands import bands
 from etac_ros.sweep.plan import make_plan
 from etac_ros.sweep.run import cores, sweep, usual_workers
-from etac_ros.traffic import PublishedValue, Summary, with_measured
 
 _FEWEST = 10
 """Perturbed runs of a variant, however long one takes."""
@@ -40,7 +40,7 @@ class Row:
     measured
         None where the run has no such figure.
     spread
-        Over perturbed runs.
+        Over dispersed runs.
     verdict, reason
         By the rule; why it is not reproduced.
     """
@@ -135,7 +135,7 @@ def _measured(scenario: Scenario, effort: Effort, folder: Path) -> Summary:
 def _spreads(
     scenario: Scenario, effort: Effort, overrides: Sequence[str], summary: Summary, say: Say
 ) -> Mapping[str, Spread]:
-    if not scenario.run.perturb:
+    if not scenario.run.dispersion:
         return {}
     workers = effort.workers or cores()
     one = run_in_process(scenario).summary.timing.total_s
@@ -144,7 +144,7 @@ def _spreads(
     plan = make_plan(str(scenario.path), runs, scenario.variant, overrides)
     title = f"{scenario.name} {scenario.variant or ''}".strip()
     result = sweep(
-        plan, usual_workers(effort.workers), lambda done, planned: say(f"{title}: {done} of {planned} perturbed runs")
+        plan, usual_workers(effort.workers), lambda done, planned: say(f"{title}: {done} of {planned} dispersed runs")
     )
     found = bands(result, [name for name in summary.published if name in summary.measured])
     return {band.figure: Spread(band.p5, band.p95, band.count) for band in found}

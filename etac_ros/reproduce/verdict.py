@@ -8,7 +8,7 @@ from enum import StrEnum
 
 _NEAR = 0.10
 RULE = (
-    "**reproduced**: the published figure lies within the 5 to 95 % of the perturbed runs, or the measured one rounds "
+    "**reproduced**: the published figure lies within the 5 to 95 % of the dispersed runs, or the measured one rounds "
     "to it as printed; a limit (marked ≤) is kept. **near**: within twice that span, or within 10 % of the measured "
     "figure. **not reproduced**: neither. **not testable**: the run has no such figure."
 )
@@ -26,7 +26,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Spread:
-    """The 5 to 95 % of a figure over perturbed runs."""
+    """The 5 to 95 % of a figure over dispersed runs."""
 
     low: float
     high: float
@@ -52,7 +52,7 @@ def judge(published: float, is_limit: bool, measured: float | None, spread: Spre
     measured
         What the run gave; None if it does not have the figure.
     spread
-        Over perturbed runs; None where nothing was perturbed.
+        Over dispersed runs; None where nothing was dispersed.
     """
     if measured is None:
         return Verdict.NOT_TESTABLE

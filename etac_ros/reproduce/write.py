@@ -57,8 +57,8 @@ def markdown(rows: Sequence[Row], effort: Effort, command: str) -> str:
         "# Every published figure beside a measured one",
         "",
         f"Written by `{command}`, etac_ros {__version__}. Measured: one run with the engine `{effort.engine}`. Band: "
-        f"up to {effort.runs} runs in process, perturbed as the scenario's section `perturb` says; fewer where a run "
-        "takes long.",
+        f"up to {effort.runs} runs in process, dispersed as the scenario's section `dispersion` says; fewer where a "
+        "run takes long.",
         "",
         RULE,
         "",

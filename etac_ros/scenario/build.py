@@ -8,15 +8,15 @@ from itertools import pairwise
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.channel import Channel
+from etac_ros.graph.graph import EMULATION, Graph, Link, LinkKind
+from etac_ros.graph.module import Context, Module
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.maths.ticks import whole_ticks
 from etac_ros.modules.actuator import Actuator
-from etac_ros.modules.channel import Channel
-from etac_ros.modules.contract import Context, Module
 from etac_ros.modules.controller import Controller
-from etac_ros.modules.graph import EMULATION, Graph, Link, LinkKind
-from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
-from etac_ros.modules.wire import Wire, WireFormat
 from etac_ros.scenario.classes import (
     check_attributes,
     check_methods,
@@ -96,7 +96,7 @@ def _module_class(name: str, where: str) -> type[Module]:
         )
     found = import_class(name, f"{where}.module")
     if not issubclass(found, Module):
-        raise ScenarioError(f"{where}.module", f"{name} is no module", "a subclass of etac_ros.modules.contract:Module")
+        raise ScenarioError(f"{where}.module", f"{name} is no module", "a subclass of etac_ros.graph.module:Module")
     with_parameters(found, f"{where}.module")
     return found
 

@@ -1,7 +1,7 @@
 """A formation in a scenario file: from one template for all spacecraft to nodes and links for each.
 
-Node templates have names that begin with ``/*/``, as have keys of ``perturb``; a link is a template where its ``from``
-contains ``{self}``. In them stand, in braces:
+Node templates have names that begin with ``/*/``, as have keys of ``dispersion``; a link is a template where its
+``from`` contains ``{self}``. In them stand, in braces:
 
 ``{self}``
     Namespace of the spacecraft, such as ``sc1``.
@@ -28,9 +28,9 @@ from typing import Any
 from pydantic import Field, FiniteFloat, NonNegativeFloat, NonNegativeInt, PositiveInt
 
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.graph import EMULATION
 from etac_ros.laws.digraph import Digraph, ring_with_random_edges
 from etac_ros.maths.noise import stream_key, uniforms
-from etac_ros.modules.graph import EMULATION
 from etac_ros.parameters import Parameters
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import EVERYWHERE, Tree, choice
@@ -114,16 +114,16 @@ def expanded(sections: Tree, file: str) -> Tree:
             else:
                 links[link] = body
     everywhere["links"] = links
-    if isinstance(everywhere.get("perturb"), dict):
-        everywhere["perturb"] = _for_each(everywhere["perturb"], names)
+    if isinstance(everywhere.get("dispersion"), dict):
+        everywhere["dispersion"] = _for_each(everywhere["dispersion"], names)
     others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(_TEMPLATE)}
     return {EVERYWHERE: everywhere, **others, **nodes}
 
 
-def _for_each(perturb: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
+def _for_each(dispersion: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
     """What is drawn, with a key of a template written out for each spacecraft."""
     found: dict[str, Any] = {}
-    for key, value in perturb.items():
+    for key, value in dispersion.items():
         bare = str(key).lstrip("/")
         found.update({f"{name}/{bare[2:]}": value for name in names} if bare.startswith("*/") else {key: value})
     return found

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.graph import Graph
 from etac_ros.maths.ticks import whole_ticks
-from etac_ros.modules.graph import Graph
 from etac_ros.scenario.build import build, node_parameters
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import (
@@ -82,8 +82,8 @@ class Scenario:
     def text(self) -> str:
         """The complete parameter file of this run."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
-        if not everywhere["perturb"]:
-            del everywhere["perturb"]
+        if not everywhere["dispersion"]:
+            del everywhere["dispersion"]
         return write_sections({EVERYWHERE: everywhere, **self.nodes})
 
     @property
@@ -92,7 +92,7 @@ class Scenario:
         everywhere = self.run.model_dump(
             mode="json",
             by_alias=True,
-            exclude={"published", "title", "baseline", "compare", "windows", "variant", "perturb", "tradeoff"},
+            exclude={"published", "title", "baseline", "compare", "windows", "variant", "dispersion", "tradeoff"},
         )
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})

@@ -16,8 +16,8 @@ from pydantic import (
     model_validator,
 )
 
-from etac_ros.modules.graph import LinkKind
-from etac_ros.modules.wire import WireFormat
+from etac_ros.graph.graph import LinkKind
+from etac_ros.graph.wire import WireFormat
 from etac_ros.parameters import Parameters, exactly_one
 
 
@@ -141,7 +141,7 @@ class Published(Parameters):
         return self.__pydantic_extra__
 
 
-class Perturbation(Parameters):
+class Dispersion(Parameters):
     """How a value of a node is drawn anew for each run of a sweep, around what the scenario says.
 
     ``normal`` and ``uniform`` are added to a number, or to each number of a list.
@@ -154,7 +154,7 @@ class Perturbation(Parameters):
     )
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Perturbation:
+    def _one_kind(self) -> Dispersion:
         exactly_one(self, "normal", "uniform", "rotation_deg")
         return self
 
@@ -220,7 +220,7 @@ class RunSection(Parameters):
     baseline: str | None = None
     compare: tuple[str, ...] = Field(default=(), description="variants that `etac compare` shows beside each other")
     variant: str | None = Field(default=None, description="written by `etac resolve`: which variant this is")
-    perturb: dict[str, Perturbation | None] = Field(
+    dispersion: dict[str, Dispersion | None] = Field(
         default={}, description="what `etac sweep` draws anew for each run, by NODE.KEY; null draws nothing"
     )
     tradeoff: TradeoffSection | None = None

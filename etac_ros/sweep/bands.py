@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from etac_ros.metrics.summary import PublishedValue
 from etac_ros.parameters import FloatArray
 from etac_ros.sweep.result import SweepResult
-from etac_ros.traffic import PublishedValue
 
 _MIN_INTERVAL = "min_interval_s"
 

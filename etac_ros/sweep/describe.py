@@ -13,14 +13,14 @@ import scipy
 
 from etac_ros import __version__
 from etac_ros.errors import ScenarioError
+from etac_ros.metrics.summary import PublishedValue
 from etac_ros.scenario.document import shown
 from etac_ros.sweep.plan import Plan
-from etac_ros.traffic import PublishedValue
 
 Description = Mapping[str, Any]
 
 FORMAT = 1
-_MUST_AGREE = ("scenario", "variant", "version", "fixed", "points", "perturbations", "runs", "seed", "digests")
+_MUST_AGREE = ("scenario", "variant", "version", "fixed", "points", "dispersions", "runs", "seed", "digests")
 _WORDS = {"digests": "the scenario itself", "runs": "--runs", "fixed": "--set", "points": "--set with several values"}
 
 
@@ -37,9 +37,7 @@ def describe(plan: Plan) -> dict[str, Any]:
         "variant": first.variant,
         "version": __version__,
         "fixed": list(plan.fixed),
-        "perturbations": {
-            key: one.model_dump(mode="json", exclude_none=True) for key, one in plan.perturbations.items()
-        },
+        "dispersions": {key: one.model_dump(mode="json", exclude_none=True) for key, one in plan.dispersions.items()},
         "runs": plan.runs,
         "seed": plan.seed,
         "digests": [point.scenario.digest for point in plan.points],

@@ -16,7 +16,7 @@ from etac_ros.maths.noise import normals, stream_key, uniforms
 from etac_ros.maths.quaternion import product
 from etac_ros.parameters import FloatArray, vector
 from etac_ros.scenario.document import shown
-from etac_ros.scenario.schema import Perturbation
+from etac_ros.scenario.schema import Dispersion
 
 _MRP = "_mrp"
 _SEED_BITS = 63
@@ -27,8 +27,8 @@ def run_seed(master_seed: int, run: int) -> int:
     return stream_key(master_seed, f"sweep/seed/{run}") >> (128 - _SEED_BITS)
 
 
-def check_target(key: str, value: Any, perturbation: Perturbation, where: str) -> None:
-    """Refuse to perturb what cannot be perturbed.
+def check_target(key: str, value: Any, dispersion: Dispersion, where: str) -> None:
+    """Refuse to disperse what cannot be dispersed.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def check_target(key: str, value: Any, perturbation: Perturbation, where: str) -
         NODE.KEY.
     value
         What stands there.
-    perturbation
+    dispersion
         What is to be drawn.
     where
         File and key, to begin messages with.
@@ -51,7 +51,7 @@ def check_target(key: str, value: Any, perturbation: Perturbation, where: str) -
         whole = all(isinstance(number, int) and not isinstance(number, bool) for number in numbers) and numbers
         found = f"{key} is {shown(value)}, which takes whole numbers only" if whole else f"{key} is {shown(value)}"
         raise ScenarioError(where, found, "the key of a number or of a list of numbers")
-    if perturbation.rotation_deg is None:
+    if dispersion.rotation_deg is None:
         return
     length = len(value) if isinstance(value, list) else 1
     if length != 4 and not (length == 3 and key.endswith(_MRP)):
@@ -63,7 +63,7 @@ def check_target(key: str, value: Any, perturbation: Perturbation, where: str) -
         )
 
 
-def perturbed(value: Any, key: str, perturbation: Perturbation, master_seed: int, run: int) -> float | list[float]:
+def dispersed(value: Any, key: str, dispersion: Dispersion, master_seed: int, run: int) -> float | list[float]:
     """A value as one run of a sweep has it.
 
     Parameters
@@ -72,20 +72,20 @@ def perturbed(value: Any, key: str, perturbation: Perturbation, master_seed: int
         A number or a list of numbers, which :func:`check_target` has let pass.
     key
         NODE.KEY: the stream of the draws.
-    perturbation
+    dispersion
         How it is drawn.
     master_seed, run
         Which draws.
     """
     stream = stream_key(master_seed, f"sweep/{key}")
     numbers = vector(value if isinstance(value, list) else [value])
-    if perturbation.rotation_deg is not None:
-        result = _turned(numbers, np.radians(perturbation.rotation_deg) * normals(stream, run, 1, 3)[0])
-    elif perturbation.normal is not None:
-        result = numbers + perturbation.normal * normals(stream, run, 1, numbers.size)[0]
+    if dispersion.rotation_deg is not None:
+        result = _turned(numbers, np.radians(dispersion.rotation_deg) * normals(stream, run, 1, 3)[0])
+    elif dispersion.normal is not None:
+        result = numbers + dispersion.normal * normals(stream, run, 1, numbers.size)[0]
     else:
-        assert perturbation.uniform is not None
-        result = numbers + perturbation.uniform * (2.0 * uniforms(stream, run, 1, numbers.size)[0] - 1.0)
+        assert dispersion.uniform is not None
+        result = numbers + dispersion.uniform * (2.0 * uniforms(stream, run, 1, numbers.size)[0] - 1.0)
     return [float(number) for number in result] if isinstance(value, list) else float(result[0])
 
 

@@ -10,18 +10,18 @@ from itertools import product
 from typing import Any
 
 from etac_ros.errors import ScenarioError
-from etac_ros.modules.contract import Module
+from etac_ros.graph.module import Module
+from etac_ros.metrics.summary import Summary
 from etac_ros.runs import baseline_of, checked_graph, simulate
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import parse_value
 from etac_ros.scenario.load import Scenario, load
-from etac_ros.scenario.schema import Perturbation
+from etac_ros.scenario.schema import Dispersion
 from etac_ros.scenario.values import value_at
-from etac_ros.sweep.draws import check_target, perturbed, run_seed
-from etac_ros.traffic import Summary
+from etac_ros.sweep.draws import check_target, dispersed, run_seed
 from etac_ros.triggers.periodic import Periodic
 
-_KINDS = tuple(Perturbation.model_fields)
+_KINDS = tuple(Dispersion.model_fields)
 _TRIED = 3
 """Runs whose draws are tried before a sweep begins."""
 
@@ -58,7 +58,7 @@ class Plan:
         The grid, the last key changing fastest; one point without a grid.
     runs
         Runs at each point.
-    perturbations
+    dispersions
         What each run draws, by NODE.KEY.
     fixed
         Assignments that hold at every point.
@@ -66,7 +66,7 @@ class Plan:
 
     points: tuple[Point, ...]
     runs: int
-    perturbations: Mapping[str, Perturbation]
+    dispersions: Mapping[str, Dispersion]
     fixed: tuple[str, ...]
 
     @property
@@ -104,12 +104,12 @@ class Plan:
         return divmod(sample, len(self.points))
 
     def draws(self, sample: int) -> dict[str, Any]:
-        """The perturbed values of a sample, by NODE.KEY."""
+        """The dispersed values of a sample, by NODE.KEY."""
         run, point = self.place(sample)
         nodes = self.points[point].scenario.nodes
         return {
-            key: perturbed(value_at(nodes, key, key), key, perturbation, self.seed, run)
-            for key, perturbation in self.perturbations.items()
+            key: dispersed(value_at(nodes, key, key), key, dispersion, self.seed, run)
+            for key, dispersion in self.dispersions.items()
         }
 
     def scenario_of(self, sample: int) -> Scenario:
@@ -129,8 +129,8 @@ def make_plan(
     runs: int,
     variant: str | None = None,
     assignments: Sequence[str] = (),
-    perturbations: Sequence[str] = (),
-    perturb: bool = True,
+    dispersions: Sequence[str] = (),
+    dispersion: bool = True,
     baselines: bool = True,
 ) -> Plan:
     """Lay out a sweep and check all of it before anything runs.
@@ -143,10 +143,10 @@ def make_plan(
         Runs at each grid point.
     assignments
         ``KEY=VALUE``, or ``KEY=A,B,C`` for a key of the grid.
-    perturbations
-        ``KEY=KIND:SIZE`` with the kinds of :class:`Perturbation`, beside or instead of the scenario's own;
+    dispersions
+        ``KEY=KIND:SIZE`` with the kinds of :class:`Dispersion`, beside or instead of the scenario's own;
         ``KEY=none`` takes one away.
-    perturb
+    dispersion
         False draws nothing: runs then differ by the seed of noise and lossy links only.
     baselines
         False runs no baseline: figures beside one are then missing.
@@ -161,15 +161,15 @@ def make_plan(
     fixed, grid = _sorted_out(assignments)
     points = _points(name, variant, fixed, grid, baselines)
     scenario = points[0].scenario
-    wanted: dict[str, tuple[str, Perturbation | None]] = {}
-    if perturb:
-        file = f"{scenario.path}: /**.perturb"
-        wanted = {key: (f"{file}.{key}", perturbation) for key, perturbation in scenario.run.perturb.items()}
-    for text in perturbations:
-        key, one = _perturbation(text)
-        if not perturb:
-            raise ScenarioError(f"--perturb {text}", "stands beside --no-perturb", "one of the two")
-        wanted[key] = f"--perturb {text}", one
+    wanted: dict[str, tuple[str, Dispersion | None]] = {}
+    if dispersion:
+        file = f"{scenario.path}: /**.dispersion"
+        wanted = {key: (f"{file}.{key}", dispersion) for key, dispersion in scenario.run.dispersion.items()}
+    for text in dispersions:
+        key, one = _dispersion(text)
+        if not dispersion:
+            raise ScenarioError(f"--dispersion {text}", "stands beside --no-dispersion", "one of the two")
+        wanted[key] = f"--dispersion {text}", one
     chosen = {key: (where, one) for key, (where, one) in wanted.items() if one is not None}
     for point in points:
         for key, (where, one) in chosen.items():
@@ -221,19 +221,19 @@ def _points(
     return tuple(points)
 
 
-def _perturbation(text: str) -> tuple[str, Perturbation | None]:
-    where = f"--perturb {text}"
+def _dispersion(text: str) -> tuple[str, Dispersion | None]:
+    where = f"--dispersion {text}"
     key, equals, what = text.partition("=")
     kind, sized, size = what.partition(":")
     if not equals or not key or not (kind in _KINDS if sized else kind == "none"):
-        raise ScenarioError(where, "is no perturbation", f"KEY=KIND:SIZE with one of {', '.join(_KINDS)}, or KEY=none")
+        raise ScenarioError(where, "is no dispersion", f"KEY=KIND:SIZE with one of {', '.join(_KINDS)}, or KEY=none")
     if kind == "none":
         return key.strip(), None
-    return key.strip(), validated(Perturbation, {kind: parse_value(size, where)}, where)
+    return key.strip(), validated(Dispersion, {kind: parse_value(size, where)}, where)
 
 
 def _try(plan: Plan) -> None:
-    """Refuse a sweep whose first draws are all refused: its perturbations are too large, or of the wrong kind."""
+    """Refuse a sweep whose first draws are all refused: its dispersions are too large, or of the wrong kind."""
     error: ScenarioError | None = None
     for sample in plan.samples[: _TRIED * len(plan.points)]:
         try:
@@ -245,5 +245,5 @@ def _try(plan: Plan) -> None:
     if error is not None:
         raise ScenarioError(
             error.where, f"every draw that was tried is refused; the last: {error.found}", error.expected,
-            "choose smaller perturbations, or others; see --perturb and --no-perturb",
+            "choose smaller dispersions, or others; see --dispersion and --no-dispersion",
         )  # fmt: skip

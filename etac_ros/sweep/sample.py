@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.metrics.summary import Summary, with_measured
 from etac_ros.runs import Run, simulate
 from etac_ros.sweep.draws import run_seed
 from etac_ros.sweep.plan import Plan
-from etac_ros.traffic import Summary, with_measured
 
 Row = dict[str, Any]
 """One row of a result by column: numbers, texts, lists of numbers; None where a run does not have the figure."""

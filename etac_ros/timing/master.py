@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Generator, Sequence
 
 from etac_ros.errors import ProtocolError
-from etac_ros.modules.graph import Graph
+from etac_ros.graph.graph import Graph
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
 from etac_ros.timing.windows import WindowPolicy
 
@@ -33,8 +33,8 @@ class TimeMaster:
     ----------
     tick
         The tick that is being worked on, or was last.
-    ledger
-        The place in time of every message sent since the ledger was last taken.
+    message_log
+        The place in time of every message sent since the message log was last taken.
     fired
         Number of triggering instants so far of each module that triggers.
     halted
@@ -47,7 +47,7 @@ class TimeMaster:
         self.fired = {name: 0 for name in graph.reporters if graph.modules[name].triggers}
         self._last_fired = dict.fromkeys(self.fired, -1)
         self.sent: dict[str, int] = dict.fromkeys(graph.links, 0)
-        self.ledger: list[Transit] = []
+        self.message_log: list[Transit] = []
         self._graph = graph
         self._policy = windows
         self._place = {name: index for index, name in enumerate(graph.modules)}
@@ -66,9 +66,9 @@ class TimeMaster:
         self._opened: dict[str, int] = {}
         self._lengths: dict[str, int] = {}
 
-    def take_ledger(self) -> list[Transit]:
+    def take_message_log(self) -> list[Transit]:
         """The transits of the ticks closed since the last call."""
-        taken, self.ledger = self.ledger, []
+        taken, self.message_log = self.message_log, []
         return taken
 
     def is_halted(self) -> bool:
@@ -110,36 +110,36 @@ class TimeMaster:
             reports = yield [Fire(name, tick, self._epoch(name), alone) for name in asked]
             self._granted.update(zip(asked, reports, strict=True))
         touched = set(due)
-        bags: dict[str, list[MessageId]] = self._calendar.pop(tick, {})
+        arriving: dict[str, list[MessageId]] = self._calendar.pop(tick, {})
         concluded: dict[str, Report] = {}
         for name in due:
             report = self._granted.pop(name)
             del self._proposals[name]
-            self._note(name, report, tick, 0, bags)
+            self._note(name, report, tick, 0, arriving)
             if report.concluded is not None:
                 concluded[name] = Report(report.concluded)
             elif self._graph.modules[name].concludes:
-                bags.setdefault(name, [])
+                arriving.setdefault(name, [])
         step = 1
-        while bags or concluded:
+        while arriving or concluded:
             if step > _MOST_STEPS_A_TICK:
-                raise self._endless(tick, bags)
-            receivers = sorted(bags, key=self._place.__getitem__)
+                raise self._endless(tick, arriving)
+            receivers = sorted(arriving, key=self._place.__getitem__)
             answers = concluded
             if receivers:
                 reports = yield [
-                    Deliver(name, tick, step, tuple(sorted(bags[name], key=self._in_bag)), self._epoch(name))
+                    Deliver(name, tick, step, tuple(sorted(arriving[name], key=self._in_order)), self._epoch(name))
                     for name in receivers
                 ]
                 answers = {**concluded, **dict(zip(receivers, reports, strict=True))}
-            bags, concluded = {}, {}
+            arriving, concluded = {}, {}
             for name in sorted(answers, key=self._place.__getitem__):
                 touched.add(name)
-                self._note(name, answers[name], tick, step, bags)
+                self._note(name, answers[name], tick, step, arriving)
             step += 1
         return touched
 
-    def _note(self, sender: str, report: Report, tick: int, step: int, bags: dict[str, list[MessageId]]) -> None:
+    def _note(self, sender: str, report: Report, tick: int, step: int, arriving: dict[str, list[MessageId]]) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
         self._halt(sender, report)
         triggering = self._graph.modules[sender].triggers
@@ -150,13 +150,13 @@ class TimeMaster:
                 self.fired[sender] += 1
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
-            self.ledger.append(Transit(name, message.sequence, tick, step))
+            self.message_log.append(Transit(name, message.sequence, tick, step))
             when = tick + link.channel.delay_ticks
             for receiver in link.receivers:
                 if link.channel.loses(receiver, message.sequence, tick):
                     continue
                 if when == tick:
-                    bags.setdefault(receiver, []).append(message)
+                    arriving.setdefault(receiver, []).append(message)
                 elif when < self._graph.end_tick:
                     self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
 
@@ -226,11 +226,13 @@ class TimeMaster:
     def _epoch(self, module: str) -> int:
         return self._opened.get(self._graph.reads.get(module, ""), 0)
 
-    def _in_bag(self, message: MessageId) -> tuple[int, int]:
+    def _in_order(self, message: MessageId) -> tuple[int, int]:
         return self._link_place[message.link], message.sequence
 
-    def _endless(self, tick: int, bags: dict[str, list[MessageId]]) -> ProtocolError:
-        going = [message.link for name, bag in bags.items() if name not in self._plants for message in bag]
+    def _endless(self, tick: int, arriving: dict[str, list[MessageId]]) -> ProtocolError:
+        going = [
+            message.link for name, arrivals in arriving.items() if name not in self._plants for message in arrivals
+        ]
         links = sorted(set(going))
         return ProtocolError(
             where=f"links {', '.join(links)}",

@@ -45,12 +45,12 @@ class Fire(NamedTuple):
 
 
 class Deliver(NamedTuple):
-    """Take these messages, in this order, as one bag."""
+    """Take these messages, in this order, as all that arrives in one step."""
 
     module: str
     tick: int
     step: int
-    bag: tuple[MessageId, ...]
+    messages: tuple[MessageId, ...]
     epoch: int = 0
     """The window that the module has to see first; 0 if it reads no plant. A passive module does not report on
     windows, so this order may overtake one."""
@@ -82,7 +82,7 @@ class Report(NamedTuple):
 
 
 class Transit(NamedTuple):
-    """A message's place in time: what the ledger of a run is made of."""
+    """A message's place in time: what the message log of a run is made of."""
 
     link: str
     sequence: int

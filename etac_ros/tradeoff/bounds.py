@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from etac_ros.engines.recording import Recording
-from etac_ros.figures import held_torque
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.plant import PlantModule
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Recording
+from etac_ros.metrics.published import held_torque
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray, square
 from etac_ros.plants.plant import errors_of

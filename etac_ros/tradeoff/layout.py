@@ -10,15 +10,15 @@ from itertools import product
 import numpy as np
 
 from etac_ros.errors import ScenarioError
-from etac_ros.figures import check as check_figures
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.plant import PlantModule
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.plant import PlantModule
+from etac_ros.metrics.published import check as check_figures
+from etac_ros.metrics.summary import steady_from_s
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.document import EVERYWHERE, choice
 from etac_ros.scenario.load import Scenario, available, load
 from etac_ros.scenario.schema import Published, PublishedFigure, TradeoffCurve, TradeoffSection
 from etac_ros.sweep.plan import Plan, Point, make_plan
-from etac_ros.traffic import steady_from_s
 
 USUAL_ERROR = "max_attitude_error_deg"
 
@@ -165,12 +165,12 @@ def _joined(parts: Sequence[tuple[str, Plan]], places: Sequence[Place]) -> Plan:
     """One sweep over all points: the draws of a run are then the same at all of them."""
     _, first = parts[0]
     for where, plan in parts:
-        if plan.perturbations != first.perturbations:
-            raise ScenarioError(where, "its variant draws other perturbations than the first curve", "the same for all")
+        if plan.dispersions != first.dispersions:
+            raise ScenarioError(where, "its variant draws other dispersions than the first curve", "the same for all")
         if plan.scenario.run.duration_s != first.scenario.run.duration_s:
             raise ScenarioError(where, "its variant lasts another time than the first curve", "the same for all")
     points = tuple(Point(dict(place.values), place.scenario, None) for place in places)
-    return Plan(points, first.runs, first.perturbations, ())
+    return Plan(points, first.runs, first.dispersions, ())
 
 
 def _own_figures(scenario: Scenario, error: str) -> dict[str, PublishedFigure]:

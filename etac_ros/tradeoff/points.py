@@ -1,4 +1,4 @@
-"""The points of a trade-off: means over perturbed runs, and what became of those that did not hold."""
+"""The points of a trade-off: means over dispersed runs, and what became of those that did not hold."""
 
 from __future__ import annotations
 

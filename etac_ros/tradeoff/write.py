@@ -30,7 +30,7 @@ A trigger rule trades accuracy for traffic, and each paper shows a single point 
 parameters are varied, and beside them stands the same law at a fixed period.
 
 Triggers, messages, payload bytes, steady error and energy are means over the runs of a point, which all draw the same
-perturbed starts (the scenario's section `perturb`); behind the error stands its standard deviation. `bytes ×` is how
+dispersed starts (the scenario's section `dispersion`); behind the error stands its standard deviation. `bytes ×` is how
 many times a point's bytes the periodic loop needs for the same steady error, `error ×` how many times as large its
 error is with the same bytes; both are read off the periodic curve by straight lines in log-log, the first at the
 fewest bytes that do. A dash means that the point lies outside that curve. The dotted lines in a picture show the same
@@ -60,7 +60,7 @@ def markdown(found: Sequence[tuple[Tradeoff, Sequence[Shortest]]], runs: int, co
     lines = [
         "# What traffic buys: event-triggered against periodic",
         "",
-        f"Written by `{command}`, etac_ros {__version__}; {runs} perturbed {plural} at each point, in process.",
+        f"Written by `{command}`, etac_ros {__version__}; {runs} dispersed {plural} at each point, in process.",
         "",
         _INTRODUCTION,
     ]

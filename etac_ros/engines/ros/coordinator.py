@@ -1,4 +1,4 @@
-"""The coordinator: drives the time master with messages, keeps the ledger, begins and ends the run."""
+"""The coordinator: drives the time master with messages, keeps the message log, begins and ends the run."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Publisher, Spinner
 from etac_ros.engines.ros.messages import note, read_note
-from etac_ros.engines.ros.module_station import PlantStation
+from etac_ros.engines.ros.module_node import PlantNode
 from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import (
-    BYE,
     COORDINATOR,
     END,
     FAULT,
-    HELLO,
-    LEDGER,
+    JOIN,
+    LEAVE,
+    MESSAGE_LOG,
     START,
     STOP,
     Plan,
     go_topic,
     next_topic,
 )
-from etac_ros.engines.ros.station import Station
+from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, Open, Order, Report
 
-_TELL_EVERY_S = 0.1  # wall time between ledgers, clock ticks and progress: none of it bears on a result
+_TELL_EVERY_S = 0.1  # wall time between message logs, clock ticks and progress: none of it bears on a result
 QUIET_S = 20.0
 """A node that owes an answer for this long is reported; only failures ever wait so long."""
 
 Progress = Callable[[int, Mapping[str, int]], None]
 
 
-class CoordinatorStation(Station):
+class CoordinatorNode(RunNode):
     """The node that advances time.
 
     Parameters
     ----------
     plan, spinner, context
-        As for :class:`Station`.
+        As for :class:`RunNode`.
     plants
         Plants in this process; they take orders as calls.
     on_progress
@@ -60,12 +60,12 @@ class CoordinatorStation(Station):
         plan: Plan,
         spinner: Spinner,
         context: Context,
-        plants: Mapping[str, PlantStation],
+        plants: Mapping[str, PlantNode],
         on_progress: Progress,
     ) -> None:
         super().__init__(plan, COORDINATOR, spinner, context)
         self.master = TimeMaster(plan.graph, plan.windows)
-        self.farewells: dict[str, dict[str, Any]] = {}
+        self.leave_notes: dict[str, dict[str, Any]] = {}
         self.fault = ""
         self.loop_s = 0.0
         self._plants = plants
@@ -83,7 +83,7 @@ class CoordinatorStation(Station):
         self._dispatching = False
         self._held_back: dict[str, list[Order]] = defaultdict(list)
         self._go: dict[str, Publisher] = {name: self.publisher(String, go_topic(name), 1) for name in plan.ordered}
-        self._ledger = self.publisher(String, LEDGER, 1)
+        self._message_log = self.publisher(String, MESSAGE_LOG, 1)
         self._start = self.publisher(String, START, 0, latched=True)
         self._stop = self.publisher(String, STOP, 0, latched=True)
         self._end = self.publisher(String, END, 0, latched=True)
@@ -95,9 +95,9 @@ class CoordinatorStation(Station):
             self._hear_halt(name)
         for name, plant in plants.items():
             self._be_told_by(name, plant)
-        self.subscription(String, HELLO, self._on_hello, latched=True)
+        self.subscription(String, JOIN, self._on_join, latched=True)
         self.subscription(String, FAULT, self._on_fault, latched=True)
-        self.subscription(String, BYE, self._on_bye, shared=True)
+        self.subscription(String, LEAVE, self._on_leave, shared=True)
 
     def idle(self, patient: bool) -> None:
         """Called while nothing arrives: notices who has gone quiet.
@@ -116,7 +116,7 @@ class CoordinatorStation(Station):
             return
         self._heard = time.monotonic()
         if not self.started:
-            missing = [name for name in self.plan.stations if name not in self._greeted]
+            missing = [name for name in self.plan.nodes if name not in self._greeted]
             if patient:
                 print(f"{self.name}: still waiting for {', '.join(missing)}", flush=True)
                 return
@@ -133,8 +133,8 @@ class CoordinatorStation(Station):
                 "an answer to every order",
                 "is its process still there? see what it printed",
             )
-        missing = [name for name in self.plan.stations if name not in self.farewells]
-        raise RunError(f"node {', '.join(missing)}", f"has not said goodbye within {QUIET_S:g} s")
+        missing = [name for name in self.plan.nodes if name not in self.leave_notes]
+        raise RunError(f"node {', '.join(missing)}", f"has not left within {QUIET_S:g} s")
 
     def end(self, fault: str) -> None:
         """End the run, now that it is over or has failed; all others hear of it."""
@@ -151,24 +151,24 @@ class CoordinatorStation(Station):
         """Tell the recorder what is known, and everybody that it is over."""
         if self.stop is None:
             self.end(self.fault or "aborted")
-            self._ledger.drain(1.0)
+            self._message_log.drain(1.0)
             self._stop.drain(1.0)
 
     def drained(self) -> bool:
-        """Whether all other nodes have said goodbye."""
-        others = [name for name in self.plan.stations if name != COORDINATOR]
-        return all(name in self.farewells for name in others)
+        """Whether all other nodes have left."""
+        others = [name for name in self.plan.nodes if name != COORDINATOR]
+        return all(name in self.leave_notes for name in others)
 
     def leave(self) -> None:
         """All counts are in: let everybody go."""
-        self.farewells[self.name] = self.farewell()
+        self.leave_notes[self.name] = self.leave_note()
         self._end.publish(note({"tick": self.master.tick}))
         self.finished = True
 
     @property
     def halted(self) -> str:
         """Why a watch ended the run; empty otherwise."""
-        last = [f"{name}: {bye['halted']}" for name, bye in self.farewells.items() if bye.get("halted")]
+        last = [f"{name}: {leave['halted']}" for name, leave in self.leave_notes.items() if leave.get("halted")]
         return self.master.halted or (last[0] if last else "")
 
     def on_start(self) -> None:
@@ -190,7 +190,7 @@ class CoordinatorStation(Station):
 
         self.subscription(String, next_topic(module), on_next)
 
-    def _be_told_by(self, name: str, plant: PlantStation) -> None:
+    def _be_told_by(self, name: str, plant: PlantNode) -> None:
         def on_obeyed(report: Report) -> None:
             if report.halt and any(isinstance(order, Open) for order in self._orders):
                 self._halted(name, report)
@@ -219,28 +219,28 @@ class CoordinatorStation(Station):
 
         self.subscription(String, next_topic(plant), on_halt)
 
-    def _on_hello(self, message: Any, sequence: int) -> None:
-        hello = read_note(message)
-        name = hello["node"]
+    def _on_join(self, message: Any, sequence: int) -> None:
+        join = read_note(message)
+        name = join["node"]
         self._heard = time.monotonic()
-        if name not in self.plan.stations:
+        if name not in self.plan.nodes:
             raise RunError(
-                f"node {name}", f"of scenario '{hello['scenario']}' is in this ROS domain", "only this run's nodes",
+                f"node {name}", f"of scenario '{join['scenario']}' is in this ROS domain", "only this run's nodes",
                 "give each run a domain of its own",
             )  # fmt: skip
-        if hello["digest"] != self.plan.digest:
+        if join["digest"] != self.plan.digest:
             raise RunError(
                 f"node {name}",
-                f"was started with another scenario ('{hello['scenario']}', {hello['digest']})",
+                f"was started with another scenario ('{join['scenario']}', {join['digest']})",
                 f"'{self.plan.scenario}', {self.plan.digest}",
                 "start all nodes with the file that `etac resolve` prints",
             )
-        if self._greeted.setdefault(name, hello["pid"]) != hello["pid"]:
+        if self._greeted.setdefault(name, join["pid"]) != join["pid"]:
             raise RunError(
                 f"node {name}", "is there twice in this ROS domain", "every node once",
                 "give each run a domain of its own",
             )  # fmt: skip
-        if len(self._greeted) == len(self.plan.stations) and not self.started:
+        if len(self._greeted) == len(self.plan.nodes) and not self.started:
             self.started = True
             self._start.publish(note({"scenario": self.plan.scenario, "digest": self.plan.digest}))
             self.on_start()
@@ -250,10 +250,10 @@ class CoordinatorStation(Station):
         if self.stop is None and not self.fault and content["node"] != self.name:
             raise RunError(f"node {content['node']}", content["fault"])
 
-    def _on_bye(self, message: Any, sequence: int) -> None:
+    def _on_leave(self, message: Any, sequence: int) -> None:
         content = read_note(message)
         self._heard = time.monotonic()
-        self.farewells[content["node"]] = content
+        self.leave_notes[content["node"]] = content
         self.settle()
 
     def _dispatch(self, orders: Sequence[Order]) -> None:
@@ -358,9 +358,9 @@ class CoordinatorStation(Station):
     def _tell(self) -> None:
         """Ledger for the recorder, clock for ROS tools, progress for people."""
         self._told = time.perf_counter()
-        transits = self.master.take_ledger()
+        transits = self.master.take_message_log()
         if transits:
-            self._ledger.publish(note(transits))
+            self._message_log.publish(note(transits))
         now = nanoseconds(self.master.tick, self.plan.graph.ticks_per_second)
         self._clock.publish(Clock(clock=Time(sec=now // NANOSECONDS, nanosec=now % NANOSECONDS)))
         self._on_progress(self.master.tick, self.master.fired)

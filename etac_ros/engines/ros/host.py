@@ -1,4 +1,4 @@
-"""One process of a run: some stations, one loop, and a clean way out."""
+"""One process of a run: some nodes, one loop, and a clean way out."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from etac_ros.engines.ros.coordinator import QUIET_S, CoordinatorStation, Progress
+from etac_ros.engines.ros.coordinator import QUIET_S, CoordinatorNode, Progress
+from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.endpoints import Spinner
-from etac_ros.engines.ros.module_station import ModuleStation, PlantStation
+from etac_ros.engines.ros.module_node import ModuleNode, PlantNode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
-from etac_ros.engines.ros.recorder import RecorderStation, Sink
-from etac_ros.engines.ros.station import Station
-from etac_ros.engines.ros.tally import Outcome
+from etac_ros.engines.ros.recorder import RecorderNode, Sink
+from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import EtacError, RunError
 
 _JOIN_WAIT_S = 0.005
@@ -39,7 +39,7 @@ def _nothing(tick: int, fired: Any) -> None:
 def leave_process(code: int) -> NoReturn:
     """End this process at once.
 
-    When a station has said goodbye, all its messages are acknowledged and nothing is left to be done. Destroying
+    When a node has left, all its messages are acknowledged and nothing is left to be done. Destroying
     its participant is left to the operating system, since Fast DDS was seen to hang in it on a busy machine; and
     exit handlers are left alone, since in a forked process they belong to the parent.
     """
@@ -49,7 +49,7 @@ def leave_process(code: int) -> NoReturn:
 
 
 class Host:
-    """Runs stations in this process until the run is over.
+    """Runs nodes in this process until the run is over.
 
     Parameters
     ----------
@@ -85,12 +85,12 @@ class Host:
         self._told_to_end = False
         self._roll_call = 0.0
         self._next_look = 0.0
-        self._stations: list[Station] = []
-        self._coordinator: CoordinatorStation | None = None
+        self._nodes: list[RunNode] = []
+        self._coordinator: CoordinatorNode | None = None
         self._spinner: Spinner
 
     def run(self) -> Outcome | None:
-        """Join, take part, say goodbye. Afterwards the process has to end by :func:`leave_process`.
+        """Join, take part, leave. Afterwards the process has to end by :func:`leave_process`.
 
         Returns
         -------
@@ -118,7 +118,7 @@ class Host:
     def _create(self, context: Context) -> None:
         only_listens = list(self._names) == [RECORDER]
         self._spinner = Spinner(context, _GATHER_S if only_listens else 0.0)
-        plants: dict[str, PlantStation] = {}
+        plants: dict[str, PlantNode] = {}
         names = list(self._names)
         together = self._plan.timekeeper_with
         if together in names and COORDINATOR not in names:
@@ -127,26 +127,26 @@ class Host:
         for name in sorted(names, key=lambda name: name == COORDINATOR):
             if name == COORDINATOR:
                 local = plants if together else {}
-                self._coordinator = CoordinatorStation(self._plan, self._spinner, context, local, self._on_progress)
-                self._stations.append(self._coordinator)
+                self._coordinator = CoordinatorNode(self._plan, self._spinner, context, local, self._on_progress)
+                self._nodes.append(self._coordinator)
             elif name == RECORDER:
                 assert self._open_sink is not None
-                self._stations.append(RecorderStation(self._plan, self._spinner, context, self._open_sink))
+                self._nodes.append(RecorderNode(self._plan, self._spinner, context, self._open_sink))
             elif name in self._plan.graph.plants:
-                plants[name] = PlantStation(self._plan, name, self._spinner, context)
-                self._stations.append(plants[name])
+                plants[name] = PlantNode(self._plan, name, self._spinner, context)
+                self._nodes.append(plants[name])
             else:
-                self._stations.append(ModuleStation(self._plan, name, self._spinner, context))
+                self._nodes.append(ModuleNode(self._plan, name, self._spinner, context))
 
     def _join(self) -> None:
-        waiting = list(self._stations)
+        waiting = list(self._nodes)
         began = told = time.monotonic()
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
-            for station in [station for station in waiting if station.matched]:
-                station.say_hello()
-                waiting.remove(station)
+            for node in [node for node in waiting if node.matched]:
+                node.announce()
+                waiting.remove(node)
             now = time.monotonic()
             if not waiting or now - told < QUIET_S:
                 continue
@@ -157,7 +157,7 @@ class Host:
             print(f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}", flush=True)
 
     def _take_part(self) -> None:
-        while not all(station.finished for station in self._stations):
+        while not all(node.finished for node in self._nodes):
             if not self._spinner.once(_WAIT_S):
                 self._be_idle()
             self._look_around()
@@ -169,15 +169,15 @@ class Host:
         if not self._patient or now < self._roll_call:
             return  # a parent of all sees at once when a process ends
         self._roll_call = now + _ROLL_CALL_S
-        for station in self._stations:
-            if station.said_bye and station.deserted():
-                station.finished = True  # the end was told, and missed
-            elif station.stop is not None and station.stop["fault"]:
-                raise RunError(f"node {station.name}", f"the run was ended: {station.stop['fault']}")
-            if station.started and station.stop is None and (gone := station.deserted()):
+        for node in self._nodes:
+            if node.has_left and node.deserted():
+                node.finished = True  # the end was told, and missed
+            elif node.stop is not None and node.stop["fault"]:
+                raise RunError(f"node {node.name}", f"the run was ended: {node.stop['fault']}")
+            if node.started and node.stop is None and (gone := node.deserted()):
                 raise RunError(
                     f"node {', '.join(gone)}",
-                    f"has gone, which {station.name} listens to",
+                    f"has gone, which {node.name} listens to",
                     "every node lives until the run is over",
                     "see what it printed",
                 )
@@ -191,26 +191,26 @@ class Host:
         self._next_look = now + _LOOK_S
         if self._parent is not None and os.getppid() != self._parent:
             raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
-        for station in self._stations:
-            fault = (station.stop or {}).get("fault")
+        for node in self._nodes:
+            fault = (node.stop or {}).get("fault")
             # The recorder stays until nothing comes any more, the coordinator knows it anyway.
-            if fault and not isinstance(station, CoordinatorStation | RecorderStation):
-                raise RunError(f"node {station.name}", f"the run was ended: {fault}")
+            if fault and not isinstance(node, CoordinatorNode | RecorderNode):
+                raise RunError(f"node {node.name}", f"the run was ended: {fault}")
 
     def _give_up(self, error: BaseException) -> None:
         """Save what can be saved, and tell the others. Never hides the error it is called for."""
         text = str(error) if isinstance(error, EtacError) else f"{type(error).__name__}: {error}"
         while self._spinner.once(0.0):
             pass  # what has already arrived belongs into the bag
-        for station in self._stations:
+        for node in self._nodes:
             try:
-                if not self._told_to_end and station.stop is None:
-                    station.say_fault(text)
-                if isinstance(station, CoordinatorStation):
-                    station.fault = text
-                station.abort()
+                if not self._told_to_end and node.stop is None:
+                    node.say_fault(text)
+                if isinstance(node, CoordinatorNode):
+                    node.fault = text
+                node.abort()
             except Exception as secondary:
-                print(f"while saving {station.name}: {secondary}", flush=True)
+                print(f"while saving {node.name}: {secondary}", flush=True)
 
     def _outcome(self) -> Outcome | None:
         if self._coordinator is None:
@@ -221,7 +221,7 @@ class Host:
             halted=self._coordinator.halted,
             fired=dict(master.fired),
             sent=dict(master.sent),
-            farewells=dict(self._coordinator.farewells),
+            leave_notes=dict(self._coordinator.leave_notes),
             began_s=self._coordinator.began,
             loop_s=self._coordinator.loop_s,
         )

@@ -22,12 +22,12 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from etac_ros.engines.ros.coordinator import Progress
+from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.domain import dds_environment
 from etac_ros.engines.ros.host import Host, leave_process
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
-from etac_ros.engines.ros.tally import Outcome
 from etac_ros.errors import EtacError, RunError
 
 MOST_PROCESSES = 100
@@ -111,7 +111,7 @@ class Launcher:
         self.started_s = 0.0
         self._on_start = on_start
         self._plan = plan
-        names = plan.stations if only is None else plan.part(only)
+        names = plan.nodes if only is None else plan.part(only)
         self._groups = groups(plan, processes, names)
         if len(self._groups) > MOST_PROCESSES:
             raise RunError(

@@ -18,10 +18,10 @@ from rclpy.type_support import check_for_type_support
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimension, String
 
+from etac_ros.graph.module import Window
+from etac_ros.graph.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
+from etac_ros.graph.wire import Wire
 from etac_ros.maths.ticks import NANOSECONDS
-from etac_ros.modules.contract import Window
-from etac_ros.modules.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
-from etac_ros.modules.wire import Wire
 from etac_ros.parameters import FloatArray
 
 _WINDOW_HEAD = 3  # epoch, start, grant
@@ -116,7 +116,7 @@ def decode_window(message: Any, plant: str) -> tuple[Window, int]:
 
 
 def encode_truth(first_tick: int, samples: FloatArray) -> Any:
-    """Committed samples, laid out as :mod:`etac_ros.modules.truth` says."""
+    """Committed samples, laid out as :mod:`etac_ros.graph.truth` says."""
     data, ticks, states = pack_truth(first_tick, samples)
     return _table(array.array("d", data.tobytes()), DATA_OFFSET, ticks, states)
 

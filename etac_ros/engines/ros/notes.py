@@ -25,8 +25,8 @@ def read_order(content: dict[str, Any]) -> Order:
     """The order in a note."""
     values = dict(content)
     kind = _ORDERS[values.pop("do")]
-    if "bag" in values:
-        values["bag"] = tuple(MessageId(link, sequence) for link, sequence in values["bag"])
+    if "messages" in values:
+        values["messages"] = tuple(MessageId(link, sequence) for link, sequence in values["messages"])
     return kind(**values)
 
 

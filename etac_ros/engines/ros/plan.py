@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from etac_ros.errors import ScenarioError
-from etac_ros.modules.graph import EMULATION, Graph, Link
+from etac_ros.graph.graph import EMULATION, Graph, Link
 from etac_ros.timing.windows import WindowPolicy
 
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
 
-HELLO = f"{EMULATION}/hello"
+JOIN = f"{EMULATION}/join"
 START = f"{EMULATION}/start"
 STOP = f"{EMULATION}/stop"
 END = f"{EMULATION}/end"
-BYE = f"{EMULATION}/bye"
+LEAVE = f"{EMULATION}/leave"
 FAULT = f"{EMULATION}/fault"
-LEDGER = f"{EMULATION}/ledger"
+MESSAGE_LOG = f"{EMULATION}/message_log"
 
 
 def window_topic(plant: str) -> str:
@@ -69,8 +69,8 @@ class Plan:
         return tuple(name for name in self.graph.modules if name not in self.graph.external)
 
     @cached_property
-    def stations(self) -> tuple[str, ...]:
-        """All nodes that say hello."""
+    def nodes(self) -> tuple[str, ...]:
+        """All nodes that say join."""
         return (*self.modules, COORDINATOR, RECORDER)
 
     @cached_property
@@ -112,9 +112,9 @@ class Plan:
         regular = self.graph.modules[module].every is not None and self.timekeeper_with is not None
         return module in self.graph.reporters and not regular
 
-    def namespace_of(self, station: str) -> str:
+    def namespace_of(self, node: str) -> str:
         """The namespace to whose part of the run a node belongs; time and recording go with the first plant."""
-        name = self.graph.plants[0] if station in (COORDINATOR, RECORDER) else station
+        name = self.graph.plants[0] if node in (COORDINATOR, RECORDER) else node
         return name.rpartition("/")[0] or "/"
 
     def part(self, namespace: str) -> tuple[str, ...]:
@@ -125,9 +125,9 @@ class Plan:
         ScenarioError
             If there is no such namespace.
         """
-        names = tuple(name for name in self.stations if self.namespace_of(name) == "/" + namespace.strip("/"))
+        names = tuple(name for name in self.nodes if self.namespace_of(name) == "/" + namespace.strip("/"))
         if not names:
-            known = sorted({self.namespace_of(name) for name in self.stations})
+            known = sorted({self.namespace_of(name) for name in self.nodes})
             raise ScenarioError(
                 f"--only {namespace}", "is no namespace of this scenario", f"one of: {', '.join(known)}"
             )

@@ -1,4 +1,4 @@
-"""The recorder: takes every message off the wire as bytes, learns its place in time from the ledger, keeps it."""
+"""The recorder: takes every message off the wire as bytes, learns its place in time from the message log, keeps it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type, read_note
-from etac_ros.engines.ros.plan import BYE, LEDGER, RECORDER, Plan, truth_topic, window_topic
-from etac_ros.engines.ros.station import Station
+from etac_ros.engines.ros.plan import LEAVE, MESSAGE_LOG, RECORDER, Plan, truth_topic, window_topic
+from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.graph.graph import Link
 from etac_ros.maths.ticks import nanoseconds
-from etac_ros.modules.graph import Link
 
 
 class Sink(Protocol):
@@ -29,13 +29,13 @@ class Sink(Protocol):
         ...
 
 
-class RecorderStation(Station):
+class RecorderNode(RunNode):
     """The node that records.
 
     Parameters
     ----------
     plan, spinner, context
-        As for :class:`Station`.
+        As for :class:`RunNode`.
     open_sink
         Creates the bag; called once, when the run begins.
     """
@@ -48,7 +48,7 @@ class RecorderStation(Station):
         self._waiting: dict[tuple[str, int], bytes] = {}
         self._places: dict[tuple[str, int], tuple[int, int]] = {}
         self._written: dict[str, Count] = {}
-        self._farewells: dict[str, dict[str, Any]] = {}
+        self._leave_notes: dict[str, dict[str, Any]] = {}
         self._tick = 0
         for link in plan.graph.links.values():
             self._hear(link)
@@ -56,8 +56,8 @@ class RecorderStation(Station):
             self._record_truth(truth_topic(plant))
             if plan.record_windows:
                 self._record_windows(window_topic(plant))
-        self.subscription(String, LEDGER, self._on_ledger)
-        self.subscription(String, BYE, self._on_bye, shared=True)
+        self.subscription(String, MESSAGE_LOG, self._on_message_log)
+        self.subscription(String, LEAVE, self._on_leave, shared=True)
 
     def on_start(self) -> None:
         """Create the bag."""
@@ -68,12 +68,12 @@ class RecorderStation(Station):
         assert self.stop is not None
         if self.stop["fault"]:
             return False  # the process's end closes the bag: who can tell what still comes?
-        others = [name for name in self.plan.modules if name not in self._farewells]
+        others = [name for name in self.plan.modules if name not in self._leave_notes]
         if others:
             return False
         sent = {link.topic: self.stop["sent"][link.name] for link in self.plan.graph.links.values()}
-        for farewell in self._farewells.values():
-            for topic, (messages, _) in farewell["sent"].items():
+        for leave_note in self._leave_notes.values():
+            for topic, (messages, _) in leave_note["sent"].items():
                 if topic in self._received:
                     sent[topic] = messages
         return not self._waiting and all(
@@ -85,10 +85,10 @@ class RecorderStation(Station):
         self.close()
         super().leave()
 
-    def farewell(self) -> dict[str, Any]:
+    def leave_note(self) -> dict[str, Any]:
         """Counts of what was received and of what was written."""
         return {
-            **super().farewell(),
+            **super().leave_note(),
             "received": {
                 topic: [subscription.count.messages, subscription.count.cdr_bytes]
                 for topic, subscription in self._received.items()
@@ -142,7 +142,7 @@ class RecorderStation(Station):
 
         self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
 
-    def _on_ledger(self, message: Any, sequence: int) -> None:
+    def _on_message_log(self, message: Any, sequence: int) -> None:
         for name, number, tick, step in read_note(message):
             self._places[name, number] = (tick, step)
             self._tick = max(self._tick, tick)
@@ -156,9 +156,9 @@ class RecorderStation(Station):
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
 
-    def _on_bye(self, message: Any, sequence: int) -> None:
+    def _on_leave(self, message: Any, sequence: int) -> None:
         content = read_note(message)
-        self._farewells[content["node"]] = content
+        self._leave_notes[content["node"]] = content
         self.settle()
 
     def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:

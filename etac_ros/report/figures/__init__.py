@@ -1,1 +1,1 @@
-"""The figures of a report: one file a figure, their data in :mod:`etac_ros.report.figures.data`."""
+"""The figures of a report: one file a figure, their data in :mod:`etac_ros.metrics.curves`."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures import panels
-from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.panels import Panel, Style

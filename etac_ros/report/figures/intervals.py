@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from etac_ros.report.figures import data
-from etac_ros.report.figures.data import Curve
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Theme, plain_logarithmic
 from etac_ros.report.view import View
@@ -22,11 +22,11 @@ _LOG_FROM = 30.0
 
 def _found(view: View) -> dict[str, Curve]:
     run = view.run
-    curves = {
-        name: data.intervals(data.instants_s(run.graph, run.recording, name))
-        for name in data.trigger_modules(run.graph)
+    found = {
+        name: curves.intervals(curves.instants_s(run.graph, run.recording, name))
+        for name in curves.trigger_modules(run.graph)
     }
-    return {name: curve for name, curve in curves.items() if curve.times_s.size}
+    return {name: curve for name, curve in found.items() if curve.times_s.size}
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:

@@ -6,9 +6,10 @@ from functools import partial
 
 import numpy as np
 
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
 from etac_ros.plants.plant import modes_slice_of
-from etac_ros.report.figures import data, quantities
-from etac_ros.report.figures.data import Curve
+from etac_ros.report.figures import quantities
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.quantities import Quantity
 from etac_ros.report.figures.style import symbols
@@ -17,7 +18,7 @@ from etac_ros.report.view import View
 
 
 def _curve(run: ReportedRun, plant: str, mode: int) -> Curve:
-    curve = data.modes(run.graph, run.recording, plant)
+    curve = curves.modes(run.graph, run.recording, plant)
     return Curve(curve.times_s, curve.values[:, mode : mode + 1])
 
 
@@ -25,7 +26,7 @@ def _found(view: View) -> list[Quantity]:
     """A quantity a mode: their sizes differ too much for one pair of axes."""
     found = []
     for plant in view.run.graph.plants:
-        dynamics = data.dynamics(view.run.graph, plant)
+        dynamics = curves.dynamics(view.run.graph, plant)
         for mode, label in enumerate(dynamics.labels[modes_slice_of(dynamics)]):
             name, _, unit = label.partition(" [")
             name, unit = symbols(name), symbols(unit.removesuffix("]"))
@@ -38,7 +39,7 @@ def _caption(view: View) -> str:
     run, ends = view.run, []
     several = len(run.graph.plants) > 1
     for plant in run.graph.plants:
-        curve = data.modes(run.graph, run.recording, plant)
+        curve = curves.modes(run.graph, run.recording, plant)
         late = min(int(np.searchsorted(curve.times_s, run.summary.steady_from_s)), curve.times_s.size - 1)
         if curve.values.size:
             largest = float(np.linalg.norm(curve.values[late:], axis=1).max())

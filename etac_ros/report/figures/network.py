@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from etac_ros.modules.graph import LinkKind
+from etac_ros.graph.graph import LinkKind
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import WIDTH_IN, Theme
 from etac_ros.report.view import View

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from etac_ros.report.figures import data, raster, volume
-from etac_ros.report.figures.data import Curve
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
+from etac_ros.report.figures import raster, volume
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.panels import Style, column_styles, key, run_key
@@ -25,10 +26,10 @@ _RASTER_ROW_IN = 0.27
 
 def _angle(run: ReportedRun, plants: tuple[str, ...]) -> Curve:
     """Attitude error as one angle [deg], the largest of several plants."""
-    curves = [data.attitude_angle(run.graph, run.recording, plant) for plant in plants]
-    shortest = min(curves, key=lambda curve: curve.times_s.size)
+    angles = [curves.attitude_angle(run.graph, run.recording, plant) for plant in plants]
+    shortest = min(angles, key=lambda curve: curve.times_s.size)
     size = shortest.times_s.size
-    return Curve(shortest.times_s, np.max([curve.values[:size] for curve in curves], axis=0))
+    return Curve(shortest.times_s, np.max([curve.values[:size] for curve in angles], axis=0))
 
 
 def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from etac_ros.report.figures.data import Curve
+from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures.style import Theme
 from etac_ros.report.view import View
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from etac_ros.engines.recording import Recording
-from etac_ros.modules.graph import Graph
-from etac_ros.report.figures import data, quantities
-from etac_ros.report.figures.data import Curve
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.recording import Recording
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
+from etac_ros.metrics.summary import Performance
+from etac_ros.report.figures import quantities
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.quantities import Quantity
 from etac_ros.report.source import ReportedRun
 from etac_ros.report.view import View
-from etac_ros.traffic import Performance
 
 
 def _found(
@@ -22,7 +23,7 @@ def _found(
     def curve(run: ReportedRun, row: str) -> Curve:
         return of(run.graph, run.recording, row)
 
-    return [Quantity(row, label, unit, columns, partial(curve, row=row)) for row in data.bodies(view.run.graph)]
+    return [Quantity(row, label, unit, columns, partial(curve, row=row)) for row in curves.bodies(view.run.graph)]
 
 
 def _ends(view: View, figure: Callable[[Performance], float], unit: str) -> str:
@@ -36,16 +37,16 @@ def _ends(view: View, figure: Callable[[Performance], float], unit: str) -> str:
 
 
 def _angles(view: View) -> list[Quantity]:
-    return _found(view, "attitude error", "deg", ("roll", "pitch", "yaw"), data.attitude)
+    return _found(view, "attitude error", "deg", ("roll", "pitch", "yaw"), curves.attitude)
 
 
 def _rates(view: View) -> list[Quantity]:
     """A plant of one's own may turn about fewer axes."""
     run = view.run
     widths = [
-        body.rates(run.recording.samples(plant)[1][:1]).shape[1] for plant, body in data.bodies(run.graph).values()
+        body.rates(run.recording.samples(plant)[1][:1]).shape[1] for plant, body in curves.bodies(run.graph).values()
     ]
-    return _found(view, "rate error", "deg/s", ("x", "y", "z")[: max(widths)], data.rate)
+    return _found(view, "rate error", "deg/s", ("x", "y", "z")[: max(widths)], curves.rate)
 
 
 ATTITUDE = FigureKind(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from etac_ros.metrics.curves import Curve
 from etac_ros.parameters import FloatArray
 from etac_ros.report.figures import panels
-from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.panels import Panel
 from etac_ros.report.figures.style import BUCKETS, Theme, prefixed

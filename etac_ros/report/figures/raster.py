@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from etac_ros.metrics import curves
 from etac_ros.parameters import FloatArray
-from etac_ros.report.figures import data
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme
 from etac_ros.report.view import View
@@ -43,13 +43,13 @@ def rows(view: View) -> list[Row]:
     """The sensors of this run, then those of the others."""
     found = []
     for number, (run, label) in enumerate(zip(view.runs, view.labels, strict=True)):
-        names = data.trigger_modules(run.graph)
+        names = curves.trigger_modules(run.graph)
         for name in names:
             if not view.overlaid or (len(names) > 1 and number == 0):
                 words = name
             else:
                 words = f"{name}, {label}" if len(names) > 1 else label
-            found.append(Row(words, data.instants_s(run.graph, run.recording, name), number))
+            found.append(Row(words, curves.instants_s(run.graph, run.recording, name), number))
     return found
 
 

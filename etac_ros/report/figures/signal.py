@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
+from etac_ros.metrics.curves import Curve
+from etac_ros.metrics.decisions import Decisions, Part, sends_over_network
 from etac_ros.report.figures import quantities
-from etac_ros.report.figures.data import Curve
-from etac_ros.report.figures.decisions import Decisions, Part, sends_over_network
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.quantities import Quantity
 from etac_ros.report.figures.style import symbols

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from etac_ros.report.figures import data, quantities
-from etac_ros.report.figures.data import Curve
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
+from etac_ros.report.figures import quantities
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.quantities import Bound, Quantity
 from etac_ros.report.source import ReportedRun
@@ -44,7 +45,7 @@ def _found(view: View) -> list[Quantity]:
 
 
 def _inputs(run: ReportedRun, plant: str) -> dict[str, int]:
-    return data.dynamics(run.graph, plant).inputs
+    return curves.dynamics(run.graph, plant).inputs
 
 
 FIGURE = FigureKind(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from etac_ros.report.figures import data
-from etac_ros.report.figures.data import Curve
+from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme, thousands
@@ -40,7 +40,7 @@ def _lines(view: View, theme: Theme) -> list[_Line]:
     lines = [
         _Line(
             label,
-            data.cumulative_bytes(run.graph, run.recording),
+            curves.cumulative_bytes(run.graph, run.recording),
             _STEPS,
             {**theme.run_style(number), "zorder": 2.2 + 0.01 * number},
         )

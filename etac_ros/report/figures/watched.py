@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from etac_ros.maths.ticks import seconds
+from etac_ros.metrics.curves import Curve
 from etac_ros.plants.watch import Watch
 from etac_ros.report.figures import quantities
-from etac_ros.report.figures.data import Curve
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.quantities import Bound, Quantity
 from etac_ros.report.figures.style import symbols

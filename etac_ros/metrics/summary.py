@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from etac_ros.engines.recording import Message, Recording
-from etac_ros.figures import energy, measure, trigger_ticks, watches_of_module
+from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Message, Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.graph import Graph, Link, LinkKind
-from etac_ros.modules.plant import PlantModule
+from etac_ros.metrics.published import energy, measure, trigger_ticks, watches_of_module
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.load import Scenario
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from etac_ros.engines.recording import Recording
-from etac_ros.figures import trigger_ticks
+from etac_ros.graph.graph import Graph, LinkKind
+from etac_ros.graph.module import Arrival, Arrivals
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.contract import Arrival, Bag
-from etac_ros.modules.graph import Graph, LinkKind
-from etac_ros.modules.plant import PlantModule
+from etac_ros.metrics.published import trigger_ticks
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of, modes_slice_of
 
@@ -115,8 +115,8 @@ def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Cur
     curves = {}
     for port, size in dynamics(graph, plant).inputs.items():
         held = {first: np.zeros(size)}
-        for (tick, _), bag in sorted(_bags(graph, recording, plant).items()):
-            values = [arrival.value for arrival in bag if arrival.port == port]
+        for (tick, _), arrivals in sorted(_arriving(graph, recording, plant).items()):
+            values = [arrival.value for arrival in arrivals if arrival.port == port]
             if values and tick <= last:
                 held[tick] = values[0] if len(values) == 1 else np.sum(values, axis=0)
         ticks = [*held, last]
@@ -136,12 +136,12 @@ def energy(held: Sequence[Curve]) -> Curve:
     return Curve(times, total[:, np.newaxis])
 
 
-def heard(graph: Graph, recording: Recording, module: str, end_tick: int) -> Mapping[int, Bag]:
+def heard(graph: Graph, recording: Recording, module: str, end_tick: int) -> Mapping[int, Arrivals]:
     """All that arrived at a module before a tick, by tick, in the order of its steps."""
-    found: dict[int, Bag] = {}
-    for (tick, _), bag in sorted(_bags(graph, recording, module).items(), key=lambda item: item[0]):
+    found: dict[int, Arrivals] = {}
+    for (tick, _), arrivals in sorted(_arriving(graph, recording, module).items(), key=lambda item: item[0]):
         if tick < end_tick:
-            found[tick] = (*found.get(tick, ()), *bag)
+            found[tick] = (*found.get(tick, ()), *arrivals)
     return found
 
 
@@ -234,9 +234,9 @@ def _of_states(
     return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_of(body, states, first)))
 
 
-def _bags(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int, int], Bag]:
+def _arriving(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int, int], Arrivals]:
     """What arrives at a module, by tick and step of arrival; the channels are taken into account."""
-    bags: dict[tuple[int, int], list[Arrival]] = {}
+    arriving: dict[tuple[int, int], list[Arrival]] = {}
     for link in graph.hears[module]:
         delay = link.channel.delay_ticks
         for message in recording.messages[link.name]:
@@ -244,5 +244,5 @@ def _bags(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int,
                 # Whatever comes late comes in the first step of its tick, whichever step it was sent in.
                 arrived = message.tick + delay, 0 if delay else message.step
                 arrival = Arrival(link.receivers[module], link.name, message.value)
-                bags.setdefault(arrived, []).append(arrival)
-    return {when: tuple(bag) for when, bag in bags.items()}
+                arriving.setdefault(arrived, []).append(arrival)
+    return {when: tuple(arrivals) for when, arrivals in arriving.items()}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.contract import Bag, Context, Module, Outputs, Window
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant, watches_of
 from etac_ros.plants.watch import Watch, rows_left, words
@@ -46,11 +46,11 @@ class PlantModule(Module):
         self._epoch = 0
         self._window: Window | None = None
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Hold new inputs; they act from this tick on. Several values for one input add up, in link order."""
         held = self.held.copy()
-        for port in {arrival.port for arrival in bag}:
-            values = [arrival.value for arrival in bag if arrival.port == port]
+        for port in {arrival.port for arrival in arrivals}:
+            values = [arrival.value for arrival in arrivals if arrival.port == port]
             total = values[0]
             for value in values[1:]:
                 total = total + value

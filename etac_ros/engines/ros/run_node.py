@@ -13,10 +13,10 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import note, read_note
-from etac_ros.engines.ros.plan import BYE, END, FAULT, HELLO, START, STOP, Plan
+from etac_ros.engines.ros.plan import END, FAULT, JOIN, LEAVE, START, STOP, Plan
 
 
-class Station:
+class RunNode:
     """One ROS node of a run.
 
     Parameters
@@ -35,11 +35,11 @@ class Station:
         self.plan = plan
         self.name = name
         self.started = False
-        self.said_bye = False
+        self.has_left = False
         self.finished = False
         self.stop: dict[str, Any] | None = None
         namespace, _, base = name.rpartition("/")
-        self.node = Node(
+        self.ros_node = Node(
             base,
             namespace=namespace or "/",
             context=context,
@@ -50,15 +50,15 @@ class Station:
         self._spinner = spinner
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
-        self._hello = self.publisher(String, HELLO, 0, latched=True)
+        self._joining = self.publisher(String, JOIN, 0, latched=True)
         self._fault = self.publisher(String, FAULT, 0, latched=True)
-        self._bye = self.publisher(String, BYE, 2)
+        self._leaving = self.publisher(String, LEAVE, 2)
         for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
             self._hear_as_all_do(topic, callback)
 
     def publisher(self, kind: type, topic: str, listeners: int, latched: bool = False) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.node, kind, topic, listeners, latched)
+        publisher = Publisher(self.ros_node, kind, topic, listeners, latched)
         self._publishers.append(publisher)
         return publisher
 
@@ -72,7 +72,7 @@ class Station:
         shared: bool = False,
     ) -> Subscription:
         """A subscription of this node, served by the process's loop."""
-        subscription = Subscription(self.node, kind, topic, callback, raw, latched, shared)
+        subscription = Subscription(self.ros_node, kind, topic, callback, raw, latched, shared)
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
         return subscription
@@ -81,7 +81,7 @@ class Station:
         """Hear what the coordinator tells everybody; the nodes of a process share one subscription."""
 
         def make() -> Subscription:
-            return Subscription(self.node, String, topic, callback, latched=True)
+            return Subscription(self.ros_node, String, topic, callback, latched=True)
 
         self._subscriptions.append(self._spinner.for_all(topic, make, callback))
 
@@ -102,9 +102,9 @@ class Station:
         topics = {subscription.topic for subscription in self._subscriptions if not subscription.matched}
         return sorted({self.plan.sender_of(topic) for topic in topics})
 
-    def say_hello(self) -> None:
+    def announce(self) -> None:
         """Tell the coordinator that this node is ready."""
-        self._hello.publish(
+        self._joining.publish(
             note(
                 {
                     "node": self.name,
@@ -121,9 +121,9 @@ class Station:
         self._fault.drain(1.0)
 
     def settle(self) -> None:
-        """Say goodbye if the run has ended and everything has arrived. Called whenever something may have changed."""
-        if self.stop is not None and not self.said_bye and self.drained():
-            self.said_bye = True
+        """Leave if the run has ended and everything has arrived. Called whenever something may have changed."""
+        if self.stop is not None and not self.has_left and self.drained():
+            self.has_left = True
             self.leave()
 
     def drained(self) -> bool:
@@ -131,14 +131,14 @@ class Station:
         return True
 
     def leave(self) -> None:
-        """Say goodbye with the counts of all topics.
+        """Leave with the counts of all topics.
 
         The node stays until all have said so: then whatever it sent has arrived, and it can go at once. Waiting for
         acknowledgements instead would take as long as a lease, where the other end has gone without sending one.
         """
-        self._bye.publish(note(self.farewell()))
+        self._leaving.publish(note(self.leave_note()))
 
-    def farewell(self) -> dict[str, Any]:
+    def leave_note(self) -> dict[str, Any]:
         """What the last note of this node says."""
         return {
             "node": self.name,

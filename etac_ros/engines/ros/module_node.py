@@ -25,12 +25,12 @@ from etac_ros.engines.ros.messages import (
 )
 from etac_ros.engines.ros.notes import read_order, report_note
 from etac_ros.engines.ros.plan import Plan, go_topic, next_topic, truth_topic, window_topic
-from etac_ros.engines.ros.station import Station
+from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.graph.driver import Driver, Sent
+from etac_ros.graph.graph import Link
+from etac_ros.graph.module import Arrival, Window
+from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.ticks import nanoseconds, tick_of
-from etac_ros.modules.cell import Cell, Sent
-from etac_ros.modules.contract import Arrival, Window
-from etac_ros.modules.graph import Link
-from etac_ros.modules.plant import PlantModule
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
 
@@ -40,19 +40,19 @@ _TRUTH_WAITS_S = 0.2
 """Wall time after which fewer are published, too: what a killed plant can lose. It cuts chunks, never samples."""
 
 
-class ModuleStation(Station):
+class ModuleNode(RunNode):
     """A module on the network.
 
     Parameters
     ----------
     plan, name, spinner, context
-        As for :class:`Station`.
+        As for :class:`RunNode`.
     """
 
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
         super().__init__(plan, name, spinner, context)
         graph = plan.graph
-        self._cell = Cell(graph, name)
+        self._driver = Driver(graph, name)
         self._inbox: dict[MessageId, FloatArray] = {}
         self._orders: deque[Order] = deque()
         self._incoming: dict[str, Subscription] = {}
@@ -132,14 +132,14 @@ class ModuleStation(Station):
         while True:
             if self._arrived and self._has_sample(self._arrived[0][1]):
                 identity, tick = self._arrived.popleft()
-                sent = self._cell.receive(tick, self._bag((identity,)))
+                sent = self._driver.receive(tick, self._arrivals((identity,)))
                 self._acted(tick or 0, self._send(sent, self._nanoseconds(tick or 0)))
             elif self._orders and self._can_take(self._orders[0]):
                 self._obey(self._orders.popleft())
             elif self._windows_ahead and self._may_see(self._windows_ahead[0][0]):
                 window, grant = self._windows_ahead.popleft()
-                self._cell.see(window)
-                if not self._cell.module.passive:
+                self._driver.see(window)
+                if not self._driver.module.passive:
                     self._look(window.start - 1, grant)
             else:
                 return
@@ -156,7 +156,7 @@ class ModuleStation(Station):
         """Whether the window with the sample of a tick is here, if the module sees windows at all."""
         if self._sees is None:
             return True
-        window = self._cell.window
+        window = self._driver.window
         assert tick is not None
         return window is not None and tick <= window.last
 
@@ -164,9 +164,9 @@ class ModuleStation(Station):
         """Whether all that an order names is here: messages, and the window that was opened before it."""
         if not isinstance(order, Fire | Deliver):
             return True
-        window = self._cell.window
+        window = self._driver.window
         seen = 0 if window is None else window.epoch
-        needed = order.bag if isinstance(order, Deliver) else ()
+        needed = order.messages if isinstance(order, Deliver) else ()
         return seen >= order.epoch and all(message in self._inbox for message in needed)
 
     def _obey(self, order: Order) -> None:
@@ -176,47 +176,47 @@ class ModuleStation(Station):
             case Fire(_, tick, _, alone):
                 sent, concluded = self._act(tick, alone)
                 self._proposal = None  # of a module that always fires alike, until it is asked again
-                if self._cell.module.fires_on is None:
-                    self._report_act(Report(sent, concluded=concluded, halt=self._cell.module.halt), tick)
-            case Deliver(_, tick, _, bag, _):
-                answers = self._cell.receive(tick, self._bag(bag))
+                if self._driver.module.fires_on is None:
+                    self._report_act(Report(sent, concluded=concluded, halt=self._driver.module.halt), tick)
+            case Deliver(_, tick, _, arrivals, _):
+                answers = self._driver.receive(tick, self._arrivals(arrivals))
                 self._acted(tick, self._send(answers, self._nanoseconds(tick)))
             case _:
                 raise TypeError(f"{self.name} is no plant, and cannot obey {order}")
 
     def _look(self, after: int, grant: int) -> None:
-        proposal = self._cell.look(after)
+        proposal = self._driver.look(after)
         if proposal is None or proposal > grant:
             self._proposal = proposal
             self._report(Report(proposal=proposal), after, None)
             return
         sent, concluded = self._act(proposal, alone=True)
-        report = Report(sent, proposal, fired=True, concluded=concluded, halt=self._cell.module.halt)
+        report = Report(sent, proposal, fired=True, concluded=concluded, halt=self._driver.module.halt)
         self._report_act(report, proposal)
 
     def _act(self, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
         """Fire, and conclude at once where nothing can arrive."""
-        fired = self._cell.fire(tick)
-        if not alone or not self._cell.module.concludes:
+        fired = self._driver.fire(tick)
+        if not alone or not self._driver.module.concludes:
             return self._send(fired, self._nanoseconds(tick)), None
         # The conclusion is the head of the longer way, to the plant and back; the topics differ, so order is free.
-        concluded = self._send(self._cell.conclude(tick), self._nanoseconds(tick))
+        concluded = self._send(self._driver.conclude(tick), self._nanoseconds(tick))
         return self._send(fired, self._nanoseconds(tick)), concluded
 
     def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
         if self._next is not None:
-            self._report_act(Report(sent, halt=self._cell.module.halt), tick)
+            self._report_act(Report(sent, halt=self._driver.module.halt), tick)
 
     def _report_act(self, report: Report, tick: int) -> None:
         """Report what was done, together with the next own act."""
-        self._proposal = None if self._cell.module.passive else self._cell.look(tick)
+        self._proposal = None if self._driver.module.passive else self._driver.look(tick)
         self._report(report, tick, self._proposal)
 
     def _report(self, report: Report, tick: int, ahead: int | None) -> None:
         if self._next is not None:  # else the coordinator knows it beforehand
             self._next.publish(note(report_note(report, tick, ahead)))
 
-    def _bag(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
+    def _arrivals(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
         links = self.plan.graph.links
         return tuple(
             Arrival(links[message.link].receivers[self.name], message.link, self._inbox.pop(message))
@@ -232,7 +232,7 @@ class ModuleStation(Station):
         return nanoseconds(tick, self._ticks_per_second)
 
 
-class PlantStation(ModuleStation):
+class PlantNode(ModuleNode):
     """A plant on the emulation plane: opens windows, and publishes what is committed.
 
     Where the coordinator lives in the same process, its orders come as calls of :meth:`enqueue`, and it sets
@@ -261,9 +261,9 @@ class PlantStation(ModuleStation):
         assert self.stop is not None
         return bool(self.stop["fault"]) or (self._closed and super().drained())
 
-    def farewell(self) -> dict[str, Any]:
+    def leave_note(self) -> dict[str, Any]:
         """The counts, and why the run had to end if the last samples said so."""
-        return {**super().farewell(), "halted": self._plant.halt}
+        return {**super().leave_note(), "halted": self._plant.halt}
 
     def leave(self) -> None:
         """Publish the rest of what is committed, then leave."""
@@ -290,8 +290,8 @@ class PlantStation(ModuleStation):
                 self._closed = True
                 self._obeyed()
                 self.settle()
-            case Deliver(_, tick, _, bag, _):
-                self._plant.receive(tick, self._bag(bag), None)
+            case Deliver(_, tick, _, arrivals, _):
+                self._plant.receive(tick, self._arrivals(arrivals), None)
             case _:
                 raise TypeError(f"{self.name} is a plant, and cannot obey {order}")
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 
-from etac_ros.modules.channel import Channel
-from etac_ros.modules.contract import Module
-from etac_ros.modules.plant import PlantModule
-from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.graph.channel import Channel
+from etac_ros.graph.module import Module
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.wire import Wire, WireFormat
 
 EMULATION = "/emulation"
 """Prefix of all topics that exist only because hardware is simulated here."""
@@ -44,7 +44,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Graph:
-    """Modules and links in a fixed order; the order of every sum and every bag comes from here.
+    """Modules and links in a fixed order; the order of every sum and of all arrivals comes from here.
 
     Attributes
     ----------
@@ -102,9 +102,9 @@ class Graph:
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It never acts by itself, it has one undelayed input, so a message is a whole bag; and where it needs to know
-        the time, to compute, to stamp its answers or to find its sample, the message has it. A link with outages
-        does not tell by itself what has got through.
+        It never acts by itself, it has one undelayed input, so a message is all that arrives; and where it
+        needs to know the time, to compute, to stamp its answers or to find its sample, the message has it. A link
+        with outages does not tell by itself what has got through.
         """
         incoming = self.hears[module]
         node = self.modules[module]

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from etac_ros.modules.wire import Wire, WireFormat
+from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant
 from etac_ros.plants.watch import Watch
@@ -47,7 +47,7 @@ class Arrival:
     value: FloatArray
 
 
-Bag = tuple[Arrival, ...]
+Arrivals = tuple[Arrival, ...]
 """All that arrives at a module in one step, in a fixed order (link, then sequence number)."""
 
 
@@ -75,7 +75,7 @@ class Module:
     inputs, outputs
         Ports and their sizes, known once the module is built.
     answers
-        True for a module that answers each bag at once with exactly one message on each connected output, whatever
+        True for a module that answers each arrivals at once with exactly one message on each connected output, whatever
         the tick, and never acts by itself. Such a module need not report, and a foreign node that merely receives
         and publishes is one.
     passive
@@ -88,7 +88,7 @@ class Module:
         The output port whose messages are the triggering instants that a run counts; empty where there are none.
     concludes
         True for a module that acts twice at its triggering instant: it fires, and then takes what arrives in the same
-        tick, be that nothing. It gets a bag in the step after it has fired in any case.
+        tick, be that nothing. It gets a arrivals in the step after it has fired in any case.
     senses
         True for a module that takes samples inside itself, where others have a sensor and a link: they are counted.
     """
@@ -151,6 +151,6 @@ class Module:
         """Act by itself at a tick that :meth:`scan` has named."""
         raise NotImplementedError(f"{type(self).__name__} names ticks in scan() but has no fire()")
 
-    def receive(self, tick: int | None, bag: Bag, sample: FloatArray | None) -> Outputs:
+    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Take all that arrives in one step. ``tick`` is None for a module that answers and is not timed."""
         return {}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from etac_ros.modules.contract import Arrival, Module, Outputs, Window
-from etac_ros.modules.graph import Graph, Link
+from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.module import Arrival, Module, Outputs, Window
 from etac_ros.parameters import FloatArray
 
 Sent = list[tuple[Link, FloatArray]]
 
 
-class Cell:
+class Driver:
     """Drives one module through windows and ticks.
 
     Parameters
@@ -45,12 +45,12 @@ class Cell:
         """Let a module conclude that fired where nothing arrives."""
         return self.receive(tick, ())
 
-    def receive(self, tick: int | None, bag: tuple[Arrival, ...]) -> Sent:
+    def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
         if tick is None or self.window is None:
-            return self._named(self.module.receive(tick, bag, None))
+            return self._named(self.module.receive(tick, arrivals, None))
         self._advance(tick)
-        return self._named(self.module.receive(tick, bag, self._sample(tick)))
+        return self._named(self.module.receive(tick, arrivals, self._sample(tick)))
 
     def _advance(self, tick: int) -> None:
         if self.window is not None and tick > self._advanced:

@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from etac_ros.engines.recording import Recording
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.module import Window
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.contract import Window
-from etac_ros.modules.graph import Graph
-from etac_ros.modules.plant import PlantModule
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import bodies_of, errors_of

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from etac_ros.engines.recording import Message, Recording
+from etac_ros.graph.graph import Graph, LinkKind
+from etac_ros.graph.module import Window
+from etac_ros.graph.recording import Message, Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.modules.contract import Window
-from etac_ros.modules.graph import Graph, LinkKind
+from etac_ros.metrics.curves import Curve, heard
 from etac_ros.modules.triggering import Triggering
 from etac_ros.parameters import FloatArray
-from etac_ros.report.figures.data import Curve, heard
 
 
 @dataclass(frozen=True)

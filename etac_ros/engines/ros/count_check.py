@@ -12,7 +12,7 @@ from etac_ros.errors import CountMismatch
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the coordinator knows when all nodes have said goodbye.
+    """What the coordinator knows when all nodes have left.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Outcome:
         Why a watch ended it; empty for a run to its end.
     fired, sent
         Triggers a module and messages a link, as the time master counted them.
-    farewells
+    leave_notes
         Last notes of all nodes: their counts a topic (messages, CDR bytes), process and memory.
     began_s
         When the first window was opened, on the clock of ``time.perf_counter``.
@@ -34,22 +34,22 @@ class Outcome:
     halted: str
     fired: Mapping[str, int]
     sent: Mapping[str, int]
-    farewells: Mapping[str, Mapping[str, Any]]
+    leave_notes: Mapping[str, Mapping[str, Any]]
     began_s: float
     loop_s: float
 
     def sent_by_topic(self) -> dict[str, tuple[int, int]]:
         """Messages and CDR bytes that the publishers of each topic counted."""
         totals: dict[str, tuple[int, int]] = {}
-        for farewell in self.farewells.values():
-            for topic, (messages, size) in farewell["sent"].items():
+        for leave_note in self.leave_notes.values():
+            for topic, (messages, size) in leave_note["sent"].items():
                 before = totals.get(topic, (0, 0))
                 totals[topic] = (before[0] + messages, before[1] + size)
         return totals
 
     def memory_kib(self) -> dict[str, int]:
         """Peak memory of the process of each node."""
-        return {name: int(farewell["memory_kib"]) for name, farewell in self.farewells.items()}
+        return {name: int(leave_note["memory_kib"]) for name, leave_note in self.leave_notes.items()}
 
 
 def check_counts(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> None:
@@ -68,7 +68,7 @@ def check_counts(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> Non
         Naming the topic and all counts, if any two differ.
     """
     sent = {topic: messages for topic, (messages, _) in outcome.sent_by_topic().items()}
-    received = outcome.farewells[RECORDER]["received"]
+    received = outcome.leave_notes[RECORDER]["received"]
     mastered = {link.topic: outcome.sent[link.name] for link in plan.graph.links.values()}
     foreign = {link.topic for link in plan.graph.links.values() if link.sender in plan.graph.external}
     for topic, (messages, _) in received.items():
