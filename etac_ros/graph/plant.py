@@ -95,12 +95,14 @@ class PlantModule(Module):
         return words(watches, row, start + row, self.context.ticks_per_second, samples[row])
 
     def open(self, length: int) -> Window:
-        """Compute the samples that follow the committed state; the first window starts with tick 0 itself."""
-        samples = self.plant.propagate(self.state, self.tick, length, self.held)
+        """Compute ``length`` samples that follow the committed state; the first window starts with tick 0 itself."""
         start = self.tick + 1
         if self._epoch == 0:
-            samples = np.concatenate([self.state[np.newaxis, :], samples])
             start = 0
+            following = [self.plant.propagate(self.state, 0, length - 1, self.held)] if length > 1 else []
+            samples = np.concatenate([self.state[np.newaxis, :], *following])
+        else:
+            samples = self.plant.propagate(self.state, self.tick, length, self.held)
         self._epoch += 1
         self._window = Window(self.context.name, self._epoch, start, samples)
         return self._window

@@ -11,6 +11,7 @@ from collections.abc import Generator, Sequence
 
 from etac_ros.errors import ProtocolError
 from etac_ros.graph.graph import Graph
+from etac_ros.timing.digest import Places, acted, knows_ticks, received
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
 from etac_ros.timing.windows import WindowPolicy
 
@@ -39,6 +40,8 @@ class TimeMaster:
         Number of triggering instants so far of each module that triggers.
     halted
         Why a watch ended the run; empty otherwise.
+    done
+        A running digest of what each module was told to do and when (:mod:`etac_ros.timing.digest`).
     """
 
     def __init__(self, graph: Graph, windows: WindowPolicy) -> None:
@@ -50,6 +53,9 @@ class TimeMaster:
         self.message_log: list[Transit] = []
         self._graph = graph
         self._policy = windows
+        self.done: dict[str, int] = dict.fromkeys(graph.modules, 0)
+        self._numbers = Places(graph.links)
+        self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
         self._place = {name: index for index, name in enumerate(graph.modules)}
         self._link_place = {name: index for index, name in enumerate(graph.links)}
         self._plants = frozenset(graph.plants)
@@ -115,8 +121,10 @@ class TimeMaster:
         for name in due:
             report = self._granted.pop(name)
             del self._proposals[name]
+            self.done[name] = acted(self.done[name], tick, self._epoch(name))
             self._note(name, report, tick, 0, arriving)
             if report.concluded is not None:
+                self._delivered(name, tick, ())
                 concluded[name] = Report(report.concluded)
             elif self._graph.modules[name].concludes:
                 arriving.setdefault(name, [])
@@ -127,10 +135,13 @@ class TimeMaster:
             receivers = sorted(arriving, key=self._place.__getitem__)
             answers = concluded
             if receivers:
-                reports = yield [
+                orders = [
                     Deliver(name, tick, step, tuple(sorted(arriving[name], key=self._in_order)), self._epoch(name))
                     for name in receivers
                 ]
+                for order in orders:
+                    self._delivered(order.module, tick, order.messages)
+                reports = yield orders
                 answers = {**concluded, **dict(zip(receivers, reports, strict=True))}
             arriving, concluded = {}, {}
             for name in sorted(answers, key=self._place.__getitem__):
@@ -138,6 +149,10 @@ class TimeMaster:
                 self._note(name, answers[name], tick, step, arriving)
             step += 1
         return touched
+
+    def _delivered(self, module: str, tick: int, messages: tuple[MessageId, ...]) -> None:
+        told = tick if self._knows_ticks[module] else None
+        self.done[module] = received(self.done[module], told, self._epoch(module), self._numbers.of(messages))
 
     def _note(self, sender: str, report: Report, tick: int, step: int, arriving: dict[str, list[MessageId]]) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
@@ -190,10 +205,9 @@ class TimeMaster:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
-            first = max(tick, 0)
-            self._proposals[plant] = min(first + self._lengths[plant], self._graph.end_tick)
+            self._proposals[plant] = min(tick + self._lengths[plant], self._graph.end_tick)
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
-        orders: list[Order] = [Open(plant, tick, self._proposals[plant] - max(tick, 0), grant) for plant in renewed]
+        orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
         reports = yield orders
         for plant, report in zip(renewed, reports, strict=False):
