@@ -20,6 +20,8 @@ from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.topics import type_of, window_topic
+from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.load import Scenario, load
@@ -260,7 +262,7 @@ def run_over_ros(
     from etac_ros.engines.ros.count_check import check_counts
     from etac_ros.engines.ros.domain import take_domain
     from etac_ros.engines.ros.launcher import Launcher, Processes
-    from etac_ros.engines.ros.plan import Plan, window_topic
+    from etac_ros.engines.ros.plan import Plan
 
     began = time.perf_counter()
     windows = windows_of(scenario)
@@ -270,8 +272,7 @@ def run_over_ros(
     plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows)
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
-        kind = "std_msgs/msg/Float64MultiArray"
-        extra = tuple(TopicDescription(window_topic(plant), kind, "emulation") for plant in graph.plants)
+        extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     for topic in (*recorded_topics(graph), *extra):
         schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain, shared=bool(graph.external) or options.only is not None)
@@ -357,17 +358,7 @@ def scenario_in(bag: Path, folder: Path) -> Scenario:
 
 
 def _plane(sent: dict[str, tuple[int, int]]) -> dict[str, tuple[str, int, int]]:
-    tables = ("/window", "/truth")
-    return {
-        topic: (
-            "rosgraph_msgs/msg/Clock"
-            if topic == "/clock"
-            else "std_msgs/msg/Float64MultiArray" if topic.endswith(tables) else "std_msgs/msg/String",
-            messages,
-            size,
-        )
-        for topic, (messages, size) in sent.items()
-    }  # fmt: skip
+    return {topic: (type_of(topic), messages, size) for topic, (messages, size) in sent.items()}
 
 
 def _raise_if_halted(scenario: Scenario, halted: str, tick: int) -> None:

@@ -6,7 +6,7 @@ container of four components); force, then torque; the elements of an array. It 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from operator import attrgetter
 from typing import Any
 
@@ -15,24 +15,13 @@ from rosbags.serde import SerdeError
 
 from etac_ros.bag.clock import NANOSECONDS
 from etac_ros.bag.definitions import typestore
-from etac_ros.bag.topics import TRUTH_TYPE
 from etac_ros.graph.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
+from etac_ros.graph.wire import ARRAY_DTYPES, SCALAR_FIELDS, TABLE_TYPE
 from etac_ros.parameters import FloatArray
 
 _SCALARS: dict[str, Callable[[Any], tuple[float, ...]]] = {
-    "geometry_msgs/msg/Point32": attrgetter("x", "y", "z"),
-    "geometry_msgs/msg/Vector3": attrgetter("x", "y", "z"),
-    "geometry_msgs/msg/Vector3Stamped": attrgetter("vector.x", "vector.y", "vector.z"),
-    "geometry_msgs/msg/QuaternionStamped": attrgetter(
-        "quaternion.x", "quaternion.y", "quaternion.z", "quaternion.w"
-    ),
-    "geometry_msgs/msg/WrenchStamped": attrgetter(
-        "wrench.force.x", "wrench.force.y", "wrench.force.z",
-        "wrench.torque.x", "wrench.torque.y", "wrench.torque.z",
-    ),
-}  # fmt: skip
-_BARE = ("geometry_msgs/msg/Point32", "geometry_msgs/msg/Vector3")
-_ARRAYS = {"std_msgs/msg/Float32MultiArray": np.float32, "std_msgs/msg/Float64MultiArray": np.float64}
+    name: attrgetter(*fields) for name, fields in SCALAR_FIELDS.items()
+}
 
 
 def decode(type_name: str, cdr: bytes) -> FloatArray:
@@ -46,7 +35,7 @@ def decode(type_name: str, cdr: bytes) -> FloatArray:
     message = _deserialized(type_name, cdr)
     if type_name in _SCALARS:
         return np.array(_SCALARS[type_name](message), dtype=np.float64)
-    if type_name in _ARRAYS:
+    if type_name in ARRAY_DTYPES:
         return np.array(message.data, dtype=np.float64)
     raise ValueError(f"no link carries {type_name}")
 
@@ -60,15 +49,11 @@ def encode(type_name: str, value: FloatArray, log_time_ns: int) -> bytes:
         If the type carries no vector.
     """
     types = typestore().types
-    if type_name in _ARRAYS:
+    if type_name in ARRAY_DTYPES:
         layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-        message = types[type_name](layout=layout, data=value.astype(_ARRAYS[type_name]))
-    elif type_name in _BARE:
-        message = types[type_name](*value.tolist())
-    elif type_name in _SCALARS:
-        stamp = types["builtin_interfaces/msg/Time"](*divmod(log_time_ns, NANOSECONDS))
-        header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
-        message = types[type_name](header, _body(type_name, value.tolist()))
+        message = types[type_name](layout=layout, data=value.astype(ARRAY_DTYPES[type_name]))
+    elif type_name in SCALAR_FIELDS:
+        message = _filled(type_name, dict(zip(SCALAR_FIELDS[type_name], value.tolist(), strict=True)), log_time_ns)
     else:
         raise ValueError(f"no link carries {type_name}")
     return bytes(typestore().serialize_cdr(message, type_name))
@@ -82,7 +67,7 @@ def decode_truth(cdr: bytes) -> tuple[int, FloatArray]:
     ValueError
         If it is none.
     """
-    message = _deserialized(TRUTH_TYPE, cdr)
+    message = _deserialized(TABLE_TYPE, cdr)
     sizes = [dimension.size for dimension in message.layout.dim]
     return unpack_truth(message.data, message.layout.data_offset, sizes)
 
@@ -93,19 +78,21 @@ def encode_truth(first_tick: int, samples: FloatArray) -> bytes:
     data, ticks, states = pack_truth(first_tick, samples)
     axes = [types["std_msgs/msg/MultiArrayDimension"](*axis) for axis in dimensions(ticks, states)]
     layout = types["std_msgs/msg/MultiArrayLayout"](dim=axes, data_offset=DATA_OFFSET)
-    return bytes(typestore().serialize_cdr(types[TRUTH_TYPE](layout=layout, data=data), TRUTH_TYPE))
+    return bytes(typestore().serialize_cdr(types[TABLE_TYPE](layout=layout, data=data), TABLE_TYPE))
 
 
-def _body(type_name: str, value: list[float]) -> Any:
-    types = typestore().types
-    vector = types["geometry_msgs/msg/Vector3"]
-    match type_name:
-        case "geometry_msgs/msg/Vector3Stamped":
-            return vector(*value)
-        case "geometry_msgs/msg/QuaternionStamped":
-            return types["geometry_msgs/msg/Quaternion"](*value)
-        case _:
-            return types["geometry_msgs/msg/Wrench"](vector(*value[:3]), vector(*value[3:]))
+def _filled(type_name: str, numbers: Mapping[str, float], log_time_ns: int) -> Any:
+    """A message with these numbers at their places, by the path to each."""
+    store = typestore()
+    fields: dict[str, Any] = {}
+    for name, (_, kind) in store.fielddefs[type_name][1]:
+        inner = {path.partition(".")[2]: number for path, number in numbers.items() if path.partition(".")[0] == name}
+        if name == "header":
+            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(log_time_ns, NANOSECONDS))
+            fields[name] = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+        else:
+            fields[name] = inner[""] if "" in inner else _filled(kind, inner, log_time_ns)
+    return store.types[type_name](**fields)
 
 
 def _deserialized(type_name: str, cdr: bytes) -> Any:

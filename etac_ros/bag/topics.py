@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from etac_ros.graph.graph import EMULATION, Graph, Link, LinkKind
+from etac_ros.graph import topics
+from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.wire import TABLE_TYPE
 
 TopicKind = Literal["network", "internal", "physical", "emulation"]
 """The kinds of link, and ``emulation`` for what only the simulation needs."""
-
-TRUTH_TYPE = "std_msgs/msg/Float64MultiArray"
 
 _KIND_OF_LINK: dict[LinkKind, TopicKind] = {
     LinkKind.NETWORK: "network",
@@ -51,7 +51,7 @@ def link_topic(link: Link) -> TopicDescription:
 
 def truth_topic(plant: str) -> TopicDescription:
     """Describe the topic of a plant's committed samples, given the plant's full name."""
-    return TopicDescription(f"{EMULATION}/{plant.lstrip('/')}/truth", TRUTH_TYPE, "emulation", plant=plant)
+    return TopicDescription(topics.truth_topic(plant), TABLE_TYPE, "emulation", plant=plant)
 
 
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:

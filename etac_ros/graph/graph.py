@@ -12,9 +12,6 @@ from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import Wire, WireFormat
 
-EMULATION = "/emulation"
-"""Prefix of all topics that exist only because hardware is simulated here."""
-
 
 class LinkKind(StrEnum):
     """What a link is in hardware, and so where its messages are counted."""

@@ -1,14 +1,16 @@
 """Wire formats: which message type carries a value, what it costs, and what it does to the numbers.
 
-Three byte counts of a message stand side by side: the payload (4 bytes a component, the papers' figure), and CDR
-(the serialized message with its 4-byte header). The rounding happens here, on the sender's side, so that sender,
-receiver and both engines use the very value that was on the wire.
+This file is the one list of message types, by the names of the common interfaces; it needs no ROS. Two byte counts of a
+message stand side by side: the payload (4 bytes a component, the papers' figure), and CDR (the serialized message
+with its 4-byte header). The rounding happens here, on the sender's side, so that sender, receiver and both
+engines use the very value that was on the wire.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -29,11 +31,30 @@ class WireFormat(StrEnum):
     """float64 without a header: Vector3 for a 3-vector, Float64MultiArray otherwise; for the emulation plane only."""
 
 
-_STAMPED_TYPES = {
-    3: "geometry_msgs/msg/Vector3Stamped",
-    4: "geometry_msgs/msg/QuaternionStamped",
-    6: "geometry_msgs/msg/WrenchStamped",
+_XYZ = ("x", "y", "z")
+SCALAR_FIELDS: dict[str, tuple[str, ...]] = {
+    "geometry_msgs/msg/Point32": _XYZ,
+    "geometry_msgs/msg/Vector3": _XYZ,
+    "geometry_msgs/msg/Vector3Stamped": tuple(f"vector.{axis}" for axis in _XYZ),
+    "geometry_msgs/msg/QuaternionStamped": tuple(f"quaternion.{axis}" for axis in (*_XYZ, "w")),
+    "geometry_msgs/msg/WrenchStamped": tuple(f"wrench.{part}.{axis}" for part in ("force", "torque") for axis in _XYZ),
 }
+"""Where the components of a value stand in the messages that name them, in the order of the value."""
+ARRAY_DTYPES: dict[str, type[np.floating[Any]]] = {
+    "std_msgs/msg/Float32MultiArray": np.float32,
+    "std_msgs/msg/Float64MultiArray": np.float64,
+}
+"""The messages that carry a value of any size in their field ``data``, and of which numbers."""
+LINK_TYPES = (*SCALAR_FIELDS, *ARRAY_DTYPES)
+"""All message types that a link may have."""
+NOTE_TYPE = "std_msgs/msg/String"
+TABLE_TYPE = "std_msgs/msg/Float64MultiArray"
+CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
+"""Types of the emulation plane: protocol notes, windows and committed samples, and the simulated time."""
+
+_BARE_3 = {WireFormat.COMPACT: "geometry_msgs/msg/Point32", WireFormat.EXACT: "geometry_msgs/msg/Vector3"}
+_ARRAYS = {WireFormat.COMPACT: "std_msgs/msg/Float32MultiArray", WireFormat.EXACT: "std_msgs/msg/Float64MultiArray"}
+_STAMPED_TYPES = {len(fields): name for name, fields in SCALAR_FIELDS.items() if name.endswith("Stamped")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +82,9 @@ class Wire:
     @property
     def type_name(self) -> str:
         """ROS type, for instance ``geometry_msgs/msg/Point32``."""
-        if self.format is WireFormat.EXACT:
-            return "geometry_msgs/msg/Vector3" if self.size == 3 else "std_msgs/msg/Float64MultiArray"
         if self.format is WireFormat.STAMPED:
             return _STAMPED_TYPES[self.size]
-        return "geometry_msgs/msg/Point32" if self.size == 3 else "std_msgs/msg/Float32MultiArray"
+        return (_BARE_3 if self.size == 3 else _ARRAYS)[self.format]
 
     @property
     def payload_bytes(self) -> int:

@@ -9,9 +9,10 @@ from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.channel import Channel
-from etac_ros.graph.graph import EMULATION, Graph, Link, LinkKind
+from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.topics import EMULATION
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.maths.ticks import whole_ticks
 from etac_ros.modules.actuator import Actuator

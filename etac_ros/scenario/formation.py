@@ -28,7 +28,7 @@ from typing import Any
 from pydantic import Field, FiniteFloat, NonNegativeFloat, NonNegativeInt, PositiveInt
 
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import EMULATION
+from etac_ros.graph.topics import EMULATION
 from etac_ros.laws.digraph import Digraph, ring_with_random_edges
 from etac_ros.maths.noise import stream_key, uniforms
 from etac_ros.parameters import Parameters

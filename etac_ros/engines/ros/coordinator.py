@@ -16,21 +16,10 @@ from etac_ros.engines.ros.endpoints import Publisher, Spinner
 from etac_ros.engines.ros.messages import note, read_note
 from etac_ros.engines.ros.module_node import PlantNode
 from etac_ros.engines.ros.notes import order_note, read_report
-from etac_ros.engines.ros.plan import (
-    COORDINATOR,
-    END,
-    FAULT,
-    JOIN,
-    LEAVE,
-    MESSAGE_LOG,
-    START,
-    STOP,
-    Plan,
-    go_topic,
-    next_topic,
-)
+from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
+from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, MESSAGE_LOG, START, STOP, go_topic, next_topic
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, Open, Order, Report
@@ -87,7 +76,7 @@ class CoordinatorNode(RunNode):
         self._start = self.publisher(String, START, 0, latched=True)
         self._stop = self.publisher(String, STOP, 0, latched=True)
         self._end = self.publisher(String, END, 0, latched=True)
-        self._clock = self.publisher(Clock, "/clock", 0)
+        self._clock = self.publisher(Clock, CLOCK, 0)
         for name in plan.modules:
             if plan.reports(name):
                 self._hear_next(name)

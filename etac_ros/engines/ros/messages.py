@@ -8,33 +8,37 @@ from __future__ import annotations
 
 import array
 import json
+from importlib import import_module
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point32, QuaternionStamped, Vector3, Vector3Stamped, WrenchStamped
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.type_support import check_for_type_support
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimension, String
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 
 from etac_ros.graph.module import Window
 from etac_ros.graph.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
-from etac_ros.graph.wire import Wire
+from etac_ros.graph.wire import ARRAY_DTYPES, LINK_TYPES, SCALAR_FIELDS, Wire
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.parameters import FloatArray
 
 _WINDOW_HEAD = 3  # epoch, start, grant
 
-_TYPES: dict[str, type] = {
-    "geometry_msgs/msg/Point32": Point32,
-    "geometry_msgs/msg/Vector3": Vector3,
-    "geometry_msgs/msg/Vector3Stamped": Vector3Stamped,
-    "geometry_msgs/msg/QuaternionStamped": QuaternionStamped,
-    "geometry_msgs/msg/WrenchStamped": WrenchStamped,
-    "std_msgs/msg/Float32MultiArray": Float32MultiArray,
-    "std_msgs/msg/Float64MultiArray": Float64MultiArray,
-}
+
+def _class(type_name: str) -> Any:
+    package, _, name = type_name.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+_TYPES: dict[str, Any] = {name: _class(name) for name in LINK_TYPES}
+_NAMES = {kind: name for name, kind in _TYPES.items()}
+_SCALARS = {name: attrgetter(*fields) for name, fields in SCALAR_FIELDS.items()}
+_PLACES = {name: [field.rpartition(".")[::2] for field in fields] for name, fields in SCALAR_FIELDS.items()}
+"""Of each component: the part of the message that holds it (empty is the message itself), and its name there."""
+_ARRAY_CODES = {name: np.dtype(kind).char for name, kind in ARRAY_DTYPES.items()}
 
 
 def preload() -> None:
@@ -45,7 +49,8 @@ def preload() -> None:
 
 def message_type(wire: Wire) -> type:
     """The message class of a wire."""
-    return _TYPES[wire.type_name]
+    kind: type = _TYPES[wire.type_name]
+    return kind
 
 
 def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> Any:
@@ -60,43 +65,27 @@ def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> Any:
     stamp_ns
         Simulated time of sending [ns], for formats with a header.
     """
-    kind = _TYPES[wire.type_name]
-    numbers = value.tolist()
-    if kind is Point32 or kind is Vector3:
-        return kind(x=numbers[0], y=numbers[1], z=numbers[2])
-    if kind is Float32MultiArray:
-        return Float32MultiArray(data=array.array("f", numbers))
-    if kind is Float64MultiArray:
-        return Float64MultiArray(data=array.array("d", numbers))
-    message = kind()
-    message.header.stamp = Time(sec=stamp_ns // NANOSECONDS, nanosec=stamp_ns % NANOSECONDS)
-    for holder, field, number in zip(*_fields(message), numbers, strict=True):
-        setattr(holder, field, number)
+    name, numbers = wire.type_name, value.tolist()
+    if name in ARRAY_DTYPES:
+        return _TYPES[name](data=array.array(_ARRAY_CODES[name], numbers))
+    message = _TYPES[name]()
+    if hasattr(message, "header"):
+        message.header.stamp = Time(sec=stamp_ns // NANOSECONDS, nanosec=stamp_ns % NANOSECONDS)
+    for (part, field), number in zip(_PLACES[name], numbers, strict=True):
+        setattr(attrgetter(part)(message) if part else message, field, number)
     return message
 
 
 def decode(message: Any) -> FloatArray:
     """The value in a message, as contiguous float64."""
-    if isinstance(message, Point32 | Vector3):
-        return np.array([message.x, message.y, message.z], dtype=np.float64)
-    if isinstance(message, (Float32MultiArray, Float64MultiArray)):
-        return np.array(message.data, dtype=np.float64)
-    return np.array([getattr(h, f) for h, f in zip(*_fields(message), strict=True)], dtype=np.float64)
+    scalars = _SCALARS.get(_NAMES[type(message)])
+    return np.array(message.data if scalars is None else scalars(message), dtype=np.float64)
 
 
 def stamp_ns(message: Any) -> int | None:
     """Simulated time of sending [ns] that a stamped message carries; None for the other formats."""
     header = getattr(message, "header", None)
     return None if header is None else header.stamp.sec * NANOSECONDS + header.stamp.nanosec
-
-
-def _fields(message: Any) -> tuple[list[Any], list[str]]:
-    if isinstance(message, Vector3Stamped):
-        return [message.vector] * 3, ["x", "y", "z"]
-    if isinstance(message, QuaternionStamped):
-        return [message.quaternion] * 4, ["x", "y", "z", "w"]
-    wrench = message.wrench
-    return [wrench.force] * 3 + [wrench.torque] * 3, ["x", "y", "z"] * 2
 
 
 def encode_window(window: Window, grant: int) -> Any:

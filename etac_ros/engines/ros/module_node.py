@@ -24,12 +24,13 @@ from etac_ros.engines.ros.messages import (
     stamp_ns,
 )
 from etac_ros.engines.ros.notes import read_order, report_note
-from etac_ros.engines.ros.plan import Plan, go_topic, next_topic, truth_topic, window_topic
+from etac_ros.engines.ros.plan import Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.driver import Driver, Sent
 from etac_ros.graph.graph import Link
 from etac_ros.graph.module import Arrival, Window
 from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
 from etac_ros.maths.ticks import nanoseconds, tick_of
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report

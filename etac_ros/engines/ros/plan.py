@@ -1,4 +1,4 @@
-"""What every process of a run knows beforehand: the graph, the names of topics, and who listens to what."""
+"""What every process of a run knows beforehand: the graph, who plays which part of it, and who listens to what."""
 
 from __future__ import annotations
 
@@ -6,39 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import EMULATION, Graph, Link
+from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.topics import next_topic, truth_topic, window_topic
 from etac_ros.timing.windows import WindowPolicy
 
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
-
-JOIN = f"{EMULATION}/join"
-START = f"{EMULATION}/start"
-STOP = f"{EMULATION}/stop"
-END = f"{EMULATION}/end"
-LEAVE = f"{EMULATION}/leave"
-FAULT = f"{EMULATION}/fault"
-MESSAGE_LOG = f"{EMULATION}/message_log"
-
-
-def window_topic(plant: str) -> str:
-    """Samples ahead, from a plant to its readers."""
-    return f"{EMULATION}{plant}/window"
-
-
-def truth_topic(plant: str) -> str:
-    """Committed samples, from a plant to the recorder."""
-    return f"{EMULATION}{plant}/truth"
-
-
-def next_topic(module: str) -> str:
-    """Reports of a module to the coordinator."""
-    return f"{EMULATION}{module}/next"
-
-
-def go_topic(module: str) -> str:
-    """Orders of the coordinator to a module."""
-    return f"{EMULATION}{module}/go"
 
 
 @dataclass(frozen=True)

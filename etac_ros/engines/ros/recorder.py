@@ -11,9 +11,10 @@ from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type, read_note
-from etac_ros.engines.ros.plan import LEAVE, MESSAGE_LOG, RECORDER, Plan, truth_topic, window_topic
+from etac_ros.engines.ros.plan import RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.graph import Link
+from etac_ros.graph.topics import LEAVE, MESSAGE_LOG, truth_topic, window_topic
 from etac_ros.maths.ticks import nanoseconds
 
 

@@ -13,7 +13,8 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import note, read_note
-from etac_ros.engines.ros.plan import END, FAULT, JOIN, LEAVE, START, STOP, Plan
+from etac_ros.engines.ros.plan import Plan
+from etac_ros.graph.topics import END, FAULT, JOIN, LEAVE, START, STOP
 
 
 class RunNode:

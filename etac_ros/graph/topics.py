@@ -1,0 +1,49 @@
+"""The topics of the emulation plane: their names and types, for bags and for the ros engine.
+
+What is below ``/emulation`` exists only because hardware is simulated here, and is never added to the network figures.
+"""
+
+from __future__ import annotations
+
+from etac_ros.graph.wire import CLOCK_TYPE, NOTE_TYPE, TABLE_TYPE
+
+EMULATION = "/emulation"
+"""Prefix of all topics that exist only because hardware is simulated here."""
+
+CLOCK = "/clock"
+JOIN = f"{EMULATION}/join"
+START = f"{EMULATION}/start"
+STOP = f"{EMULATION}/stop"
+END = f"{EMULATION}/end"
+LEAVE = f"{EMULATION}/leave"
+FAULT = f"{EMULATION}/fault"
+MESSAGE_LOG = f"{EMULATION}/message_log"
+
+_WINDOW, _TRUTH, _NEXT, _GO = "window", "truth", "next", "go"
+
+
+def window_topic(plant: str) -> str:
+    """Samples ahead, from a plant to its readers."""
+    return f"{EMULATION}{plant}/{_WINDOW}"
+
+
+def truth_topic(plant: str) -> str:
+    """Committed samples, from a plant to the recorder."""
+    return f"{EMULATION}{plant}/{_TRUTH}"
+
+
+def next_topic(module: str) -> str:
+    """Reports of a module to the coordinator."""
+    return f"{EMULATION}{module}/{_NEXT}"
+
+
+def go_topic(module: str) -> str:
+    """Orders of the coordinator to a module."""
+    return f"{EMULATION}{module}/{_GO}"
+
+
+def type_of(topic: str) -> str:
+    """Message type of a topic of the emulation plane that is no link, for instance ``std_msgs/msg/String``."""
+    if topic == CLOCK:
+        return CLOCK_TYPE
+    return TABLE_TYPE if topic.rpartition("/")[2] in (_WINDOW, _TRUTH) else NOTE_TYPE
