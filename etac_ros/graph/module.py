@@ -61,6 +61,8 @@ class Context:
     plant: Plant | None = None
     formats: Mapping[str, WireFormat] = field(default_factory=dict)
     """Wire format of each connected output port ("" is the only port); where none is named, values pass unrounded."""
+    incoming: tuple[str, ...] = ()
+    """Names of the links that lead to the module, in the order of the graph."""
 
 
 class Module:

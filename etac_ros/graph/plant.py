@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters
@@ -35,27 +36,16 @@ class PlantModule(Module):
         super().__init__(context)
         plant = self.plant = dynamics
         self.inputs = dict(plant.inputs)
-        self._places: dict[str, slice] = {}
-        offset = 0
-        for port, size in plant.inputs.items():
-            self._places[port] = slice(offset, offset + size)
-            offset += size
-        self.held: FloatArray = np.zeros(offset)
+        self._inputs = HeldInputs(plant.inputs, context.incoming)
+        self.held: FloatArray = self._inputs.total()
         self.state = plant.initial_state()
         self.tick = 0
         self._epoch = 0
         self._window: Window | None = None
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
-        """Hold new inputs; they act from this tick on. Several values for one input add up, in link order."""
-        held = self.held.copy()
-        for port in {arrival.port for arrival in arrivals}:
-            values = [arrival.value for arrival in arrivals if arrival.port == port]
-            total = values[0]
-            for value in values[1:]:
-                total = total + value
-            held[self._places[port]] = total
-        self.held = held
+        """Hold new inputs, a zero-order hold for each link; they act from this tick on."""
+        self.held = self._inputs.take(arrivals)
         return {}
 
     def commit(self, tick: int) -> tuple[int, FloatArray]:

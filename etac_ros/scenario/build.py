@@ -132,7 +132,8 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         if issubclass(_module_class(section["module"], f"{file}: {name}"), PlantModule)
     ]
     for name in dict.fromkeys([*plants, *nodes]):
-        modules[name] = _module(name, run, nodes, modules, formats[name], f"{file}: {name}")
+        incoming = tuple(link for link, (_, receivers) in ends.items() if any(node == name for node, _ in receivers))
+        modules[name] = _module(name, run, nodes, modules, formats[name], incoming, f"{file}: {name}")
     modules = {name: modules[name] for name in nodes}
     links = {
         name: _link(name, section, run, ends[name], modules, _link_key(file, name))
@@ -155,6 +156,7 @@ def _module(
     nodes: Mapping[str, Mapping[str, Any]],
     built: Mapping[str, Module],
     formats: Mapping[str, WireFormat],
+    incoming: tuple[str, ...],
     where: str,
 ) -> Module:
     section = dict(nodes[name])
@@ -175,7 +177,7 @@ def _module(
         parameters = validated(part.Parameters, values, f"{where}.{component}")  # type: ignore[attr-defined]
         components[component] = made(part, f"{where}.{component}", parameters, run.ticks_per_second)
         check_attributes(components[component], interface(kind, component), f"{where}.{component}.class")
-    context = Context(name, run.ticks_per_second, run.seed, plant, formats)
+    context = Context(name, run.ticks_per_second, run.seed, plant, formats, incoming)
     module: Module = made(kind, where, context, validated(kind.Parameters, section, where), **components)
     return module
 
