@@ -61,8 +61,26 @@ def test_losses_do_not_follow_each_other() -> None:
 
 def test_ideal_channel_loses_and_delays_nothing() -> None:
     ideal = Channel(1, "link")
-    assert ideal.ideal
-    assert not any(fates(ideal, "/a"))
-    assert not Channel(1, "link", delay_ticks=1).ideal
-    assert not Channel(1, "link", loss=0.1).ideal
+    assert [ideal.arrival("/a", number, 7 * number) for number in range(1, 50)] == [7 * n for n in range(1, 50)]
     assert not any(fates(Channel(1, "link", delay_ticks=1), "/a"))
+
+
+@given(seeds, names, st.integers(1, 10**6), st.integers(0, 10**6), st.integers(0, 50), st.floats(0.0, 0.9))
+def test_what_is_not_dropped_arrives_after_the_delay(
+    seed: int, link: str, number: int, tick: int, delay: int, loss: float
+) -> None:
+    channel = Channel(seed, link, delay, loss)
+    arrived = channel.arrival("/a", number, tick)
+    assert arrived == (None if channel.drops("/a", number) else tick + delay)
+
+
+def test_an_outage_takes_what_is_sent_while_it_lasts() -> None:
+    channel = Channel(1, "link", 5, outages={"/a": ((10, 20),)})
+    assert [channel.arrival("/a", 1, tick) for tick in (9, 10, 19, 20)] == [14, None, None, 25]
+    assert channel.arrival("/b", 1, 10) == 15
+
+
+def test_a_receiver_can_tell_by_itself_what_does_not_depend_on_the_tick() -> None:
+    assert Channel(1, "link", loss=0.5).told_by_message
+    assert not Channel(1, "link", delay_ticks=1).told_by_message
+    assert not Channel(1, "link", outages={"/a": ((1, 2),)}).told_by_message

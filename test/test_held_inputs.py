@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import SmallScenario
 from hypothesis import given
 from hypothesis import strategies as st
 
-from conftest import SmallScenario
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrival

@@ -9,9 +9,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from etac_ros.graph.replay import trigger_ticks
 from etac_ros.metrics import curves
 from etac_ros.metrics.decisions import parts_of
-from etac_ros.metrics.published import trigger_ticks
 from etac_ros.modules.triggering import Triggering
 from etac_ros.plants.plant import modes_slice_of
 from etac_ros.report import tables

@@ -1,4 +1,8 @@
-"""The channel of a link: what becomes of a message, as a pure function of (seed, link, sequence number)."""
+"""The channel of a link: what becomes of a message, as a pure function of (seed, link, sequence number).
+
+This is the one file that knows when a message arrives. Whoever needs to know asks :meth:`Channel.arrival`: the time
+master, and whoever replays a recording. Another effect, jitter for instance, is a change of this file alone.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +38,16 @@ class Channel:
     outages: Mapping[str, tuple[tuple[int, int], ...]] = field(default_factory=dict)
 
     @property
-    def ideal(self) -> bool:
-        """True if every message arrives at the tick at which it was sent."""
-        return self.delay_ticks == 0 and self.loss == 0.0 and not self.outages
+    def told_by_message(self) -> bool:
+        """Whether a receiver can tell by itself, from a message alone, whether and when it arrives.
 
-    def loses(self, receiver: str, sequence: int, tick: int) -> bool:
-        """Whether a message is lost on its way to the receiver.
+        It can where :meth:`drops` is all that may become of it: then what is not dropped arrives at the tick of
+        sending. Delay and outages depend on that tick, which a message need not tell.
+        """
+        return self.delay_ticks == 0 and not self.outages
+
+    def arrival(self, receiver: str, sequence: int, tick: int) -> int | None:
+        """Tick at which a message arrives at a receiver; None if it is lost on its way.
 
         Parameters
         ----------
@@ -48,10 +56,10 @@ class Channel:
         sequence
             Number of the message on its link: 1, 2, ...
         tick
-            When it was sent.
+            When it was sent. A message that arrives at a later tick comes in the first step of that tick.
         """
         down = any(start <= tick < end for start, end in self.outages.get(receiver, ()))
-        return down or self.drops(receiver, sequence)
+        return None if down or self.drops(receiver, sequence) else tick + self.delay_ticks
 
     def drops(self, receiver: str, sequence: int) -> bool:
         """Whether chance takes a message, whatever the tick; the receiver can tell that much by itself."""

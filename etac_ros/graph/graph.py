@@ -99,9 +99,8 @@ class Graph:
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It never acts by itself, it has one undelayed input, so a message is all that arrives; and where it
-        needs to know the time, to compute, to stamp its answers or to find its sample, the message has it. A link
-        with outages does not tell by itself what has got through.
+        It never acts by itself, and it has one input, whose channel lets it tell from a message whether that arrives;
+        and where it needs to know the time, to compute, to stamp its answers or to find its sample, the message has it.
         """
         incoming = self.hears[module]
         node = self.modules[module]
@@ -110,5 +109,4 @@ class Graph:
         link = incoming[0]
         stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
         needs_time = stamps or node.timed or node.passive
-        undelayed = link.channel.delay_ticks == 0 and not link.channel.outages
-        return undelayed and (not needs_time or link.wire.format is WireFormat.STAMPED)
+        return link.channel.told_by_message and (not needs_time or link.wire.format is WireFormat.STAMPED)

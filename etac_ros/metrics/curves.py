@@ -6,17 +6,16 @@ whose values hold until the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from etac_ros.graph import replay
 from etac_ros.graph.graph import Graph, LinkKind
-from etac_ros.graph.module import Arrival, Arrivals
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.published import trigger_ticks
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of, modes_slice_of
 
@@ -105,49 +104,31 @@ def modes(graph: Graph, recording: Recording, plant: str) -> Curve:
 
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
-    """What each input port of a plant holds, as a staircase from the first committed tick to the last.
-
-    The channel is taken into account: a value acts when it arrives, and what was lost never does. Values that
-    arrive together add up, as in the plant module.
-    """
+    """What each input port of a plant held, as a staircase from the first committed tick to the last."""
     first, states = recording.samples(plant)
     last = first + states.shape[0] - 1
     curves = {}
-    for port, size in dynamics(graph, plant).inputs.items():
-        held = {first: np.zeros(size)}
-        for (tick, _), arrivals in sorted(_arriving(graph, recording, plant).items()):
-            values = [arrival.value for arrival in arrivals if arrival.port == port]
-            if values and tick <= last:
-                held[tick] = values[0] if len(values) == 1 else np.sum(values, axis=0)
-        ticks = [*held, last]
-        values = [*held.values(), next(reversed(held.values()))]
-        curves[port] = Curve(seconds(np.array(ticks), graph.ticks_per_second), np.array(values))
+    for port, held in replay.held_inputs(graph, recording, plant).items():
+        until = np.searchsorted(held.ticks, last, side="right")
+        ticks = np.append(held.ticks[:until], last)
+        values = np.concatenate([held.values[:until], held.values[until - 1 : until]])
+        curves[port] = Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values)
     return curves
 
 
-def energy(held: Sequence[Curve]) -> Curve:
-    """Integral of the squared held inputs up to each of their steps [N^2 m^2 s]; straight lines between."""
-    times = np.unique(np.concatenate([curve.times_s for curve in held]))
-    power = np.zeros(times.size)
-    for curve in held:
-        now = curve.values[np.searchsorted(curve.times_s, times, side="right") - 1]
-        power += np.einsum("ij,ij->i", now, now)
-    total = np.concatenate([[0.0], np.cumsum(power[:-1] * np.diff(times))])
-    return Curve(times, total[:, np.newaxis])
-
-
-def heard(graph: Graph, recording: Recording, module: str, end_tick: int) -> Mapping[int, Arrivals]:
-    """All that arrived at a module before a tick, by tick, in the order of its steps."""
-    found: dict[int, Arrivals] = {}
-    for (tick, _), arrivals in sorted(_arriving(graph, recording, module).items(), key=lambda item: item[0]):
-        if tick < end_tick:
-            found[tick] = (*found.get(tick, ()), *arrivals)
-    return found
+def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
+    """Integral of the squared held inputs of a plant [N^2 m^2 s] up to each of their steps; straight lines between."""
+    first, states = recording.samples(plant)
+    last = first + states.shape[0] - 1
+    held = list(replay.held_inputs(graph, recording, plant).values())
+    ticks = np.unique(np.concatenate([*(np.minimum(stairs.ticks, last) for stairs in held), [last]]))
+    total = replay.energy_until(held, ticks, graph.ticks_per_second)
+    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), total[:, np.newaxis])
 
 
 def instants_s(graph: Graph, recording: Recording, module: str) -> FloatArray:
     """Triggering instants of a module [s]."""
-    return np.asarray(seconds(trigger_ticks(graph, recording, module), graph.ticks_per_second))
+    return np.asarray(seconds(replay.trigger_ticks(graph, recording, module), graph.ticks_per_second))
 
 
 def intervals(instants: FloatArray) -> Curve:
@@ -232,17 +213,3 @@ def _of_states(
     first, states = recording.samples(plant)
     ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
     return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_of(body, states, first)))
-
-
-def _arriving(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int, int], Arrivals]:
-    """What arrives at a module, by tick and step of arrival; the channels are taken into account."""
-    arriving: dict[tuple[int, int], list[Arrival]] = {}
-    for link in graph.hears[module]:
-        delay = link.channel.delay_ticks
-        for message in recording.messages[link.name]:
-            if link.channel.ideal or not link.channel.loses(module, message.sequence, message.tick):
-                # Whatever comes late comes in the first step of its tick, whichever step it was sent in.
-                arrived = message.tick + delay, 0 if delay else message.step
-                arrival = Arrival(link.receivers[module], link.name, message.value)
-                arriving.setdefault(arrived, []).append(arrival)
-    return {when: tuple(arrivals) for when, arrivals in arriving.items()}

@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from etac_ros.graph.graph import Graph, LinkKind
 from etac_ros.graph.module import Window
-from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.recording import Recording
+from etac_ros.graph.replay import arrivals_by_tick, sent_at_triggers
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.curves import Curve, heard
+from etac_ros.metrics.curves import Curve
 from etac_ros.modules.triggering import Triggering
 from etac_ros.parameters import FloatArray
 
@@ -116,8 +117,9 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     window = _samples(graph, recording, name)
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
     end = graph.end_tick if window is None else window.last + 1
-    sent = [message for message in _messages(graph, recording, name) if message.tick < end]
-    rows = module.watched(window, heard(graph, recording, name, end))
+    sent = [message for message in sent_at_triggers(graph, recording, name) if message.tick < end]
+    heard = {tick: some for tick, some in arrivals_by_tick(graph, recording, name).items() if tick < end}
+    rows = module.watched(window, heard)
     if rows is None or not sent:
         return None
     held = np.array([module.held_by(message.value, message.tick) for message in sent])
@@ -167,10 +169,3 @@ def _samples(graph: Graph, recording: Recording, name: str) -> Window | None:
         return None
     first, states = recording.samples(plant)
     return Window(plant, 1, first, np.ascontiguousarray(states[: max(graph.end_tick - first, 0)]))
-
-
-def _messages(graph: Graph, recording: Recording, name: str) -> list[Message]:
-    """What a module sent at its triggering instants."""
-    port = graph.modules[name].triggers
-    links = [link for link in graph.sends[name] if link.port == port]
-    return recording.messages[links[0].name] if links else []

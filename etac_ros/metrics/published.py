@@ -13,7 +13,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
-from etac_ros.maths.ticks import seconds
+from etac_ros.graph.replay import energy, held_inputs, last_sent, trigger_ticks
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import bodies_of, errors_of
@@ -112,14 +112,6 @@ def label(name: str, sensors: Iterable[str], own: str = "") -> str:
     return _LABELS.get(name, name.replace("_", " "))
 
 
-def trigger_ticks(graph: Graph, recording: Recording, module: str) -> npt.NDArray[np.int64]:
-    """Triggering instants of a module: the ticks at which it sent what its trigger decides on."""
-    port = graph.modules[module].triggers
-    links = [link for link in graph.sends[module] if link.port == port]
-    ticks = {message.tick for link in links for message in recording.messages[link.name]}
-    return np.array(sorted(ticks), dtype=np.int64)
-
-
 def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[int, tuple[Watch, ...]]:
     """First tick and watched quantities of a module over the committed samples of its plant."""
     plant = module if module in graph.plants else graph.reads.get(module)
@@ -131,36 +123,11 @@ def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[
     return first, graph.modules[module].watches(Window(plant, 1, first, np.ascontiguousarray(states)))
 
 
-def energy(graph: Graph, recording: Recording, plant: str, first_tick: int, last_tick: int) -> float:
-    """Integral of the square of the torques held at a plant, exact since they are piecewise constant [N^2 m^2 s]."""
-    total = 0.0
-    for link in graph.hears[plant]:
-        held = [
-            (message.tick + link.channel.delay_ticks, message.value)
-            for message in recording.messages[link.name]
-            if not link.channel.loses(plant, message.sequence, message.tick)
-        ]
-        ends = [tick for tick, _ in held[1:]] + [last_tick]
-        for (tick, torque), end in zip(held, ends, strict=False):
-            ticks = min(end, last_tick) - max(tick, first_tick)
-            total += float(torque @ torque) * float(seconds(max(ticks, 0), graph.ticks_per_second))
-    return total
-
-
 def held_torque(graph: Graph, recording: Recording, plant: str) -> FloatArray:
-    """The torque that acts on a plant from each committed tick on, all its inputs summed up [N m], shape (n, 3)."""
+    """What acts on a plant from each committed tick on [N m]: its input, or several of them side by side."""
     first, states = recording.samples(plant)
-    total = np.zeros((states.shape[0], 3))
-    for link in graph.hears[plant]:
-        held = [
-            (message.tick + link.channel.delay_ticks - first, message.value)
-            for message in recording.messages[link.name]
-            if not link.channel.loses(plant, message.sequence, message.tick)
-        ]
-        ends = [tick for tick, _ in held[1:]] + [states.shape[0]]
-        for (tick, torque), end in zip(held, ends, strict=False):
-            total[max(tick, 0) : max(end, 0)] += torque
-    return total
+    held = held_inputs(graph, recording, plant).values()
+    return np.concatenate([stairs.over(first, states.shape[0]) for stairs in held], axis=1)
 
 
 def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[int, FloatArray]:
@@ -203,13 +170,8 @@ def _signal(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatAr
 def _hold_error(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatArray]:
     """What a sensor last sent less its signal at each tick; at a triggering instant that has become zero."""
     first, signals = _signal(graph, recording, node)
-    held = np.full_like(signals, np.nan)
-    for link in graph.sends[node]:
-        sent = [message for message in recording.messages[link.name] if message.tick >= first]
-        ends = [message.tick for message in sent[1:]] + [first + signals.shape[0]]
-        for message, end in zip(sent, ends, strict=True):
-            held[message.tick - first : end - first] = message.value
-    return first, held - signals
+    held = last_sent(graph, recording, node)
+    return first, (np.nan if held is None else held.over(first, signals.shape[0])) - signals
 
 
 def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callable[[], FloatArray]]:

@@ -6,17 +6,18 @@ The models below are the machine-readable summary that ``--json`` writes; ``summ
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.graph import Graph, LinkKind
 from etac_ros.graph.plant import PlantModule
-from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.recording import Recording
+from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.published import energy, measure, trigger_ticks, watches_of_module
+from etac_ros.metrics.published import measure, watches_of_module
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.load import Scenario
 
@@ -327,22 +328,13 @@ def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, 
             kind="emulation" if physical else link.kind.value,
             type=link.wire.type_name,
             messages=len(messages),
-            deliveries=_deliveries(link, messages, graph.end_tick),
+            deliveries=sum(len(deliveries(graph, recording, link, receiver)) for receiver in link.receivers),
             payload_bytes=0 if physical else len(messages) * link.wire.payload_bytes,
             cdr_bytes=computed if measured_cdr is None else measured_cdr.get(link.topic, 0),
             first_s=min(times, default=None),
             last_s=max(times, default=None),
         )
     return topics
-
-
-def _deliveries(link: Link, messages: Sequence[Message], end_tick: int) -> int:
-    arrived = [message for message in messages if message.tick + link.channel.delay_ticks < end_tick]
-    return sum(
-        not link.channel.loses(receiver, message.sequence, message.tick)
-        for message in arrived
-        for receiver in link.receivers
-    )
 
 
 def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:

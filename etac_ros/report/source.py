@@ -78,7 +78,7 @@ class ReportedRun:
     @cached_property
     def energy(self) -> dict[str, Curve]:
         """Energy that each plant takes [N^2 m^2 s]."""
-        return {plant: energy(list(ports.values())) for plant, ports in self.held.items()}
+        return {plant: energy(self.graph, self.recording, plant) for plant in self.graph.plants}
 
     @property
     def end_s(self) -> float:

@@ -166,13 +166,11 @@ class TimeMaster:
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
             self.message_log.append(Transit(name, message.sequence, tick, step))
-            when = tick + link.channel.delay_ticks
             for receiver in link.receivers:
-                if link.channel.loses(receiver, message.sequence, tick):
-                    continue
+                when = link.channel.arrival(receiver, message.sequence, tick)
                 if when == tick:
                     arriving.setdefault(receiver, []).append(message)
-                elif when < self._graph.end_tick:
+                elif when is not None and when < self._graph.end_tick:
                     self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
 
     def _halt(self, module: str, report: Report) -> None:

@@ -7,6 +7,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from etac_ros.graph.graph import LinkKind
+from etac_ros.graph.replay import deliveries
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import WIDTH_IN, Theme
 from etac_ros.report.view import View
@@ -36,12 +37,8 @@ def edges(view: View) -> dict[Edge, int]:
     found: Counter[Edge] = Counter()
     for link in network:
         for receiver in link.receivers:
-            delivered = sum(
-                not link.channel.loses(receiver, message.sequence, message.tick)
-                and message.tick + link.channel.delay_ticks < graph.end_tick
-                for message in recording.messages[link.name]
-            )
             if carrier(link.sender) != carrier(receiver):
+                delivered = len(deliveries(graph, recording, link, receiver))
                 found[carrier(link.sender), carrier(receiver)] += delivered
     return dict(found)
 

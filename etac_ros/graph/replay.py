@@ -1,0 +1,147 @@
+"""A recording replayed: what arrived where and when, and what was held meanwhile.
+
+The one place that turns sent messages into arrivals. Counts of deliveries, held torques, energy, and what a trigger
+rule knew at a tick all come from here, so that they agree on delay, on loss, and on the end of a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.held import HeldInputs
+from etac_ros.graph.module import Arrival, Arrivals
+from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.recording import Message, Recording
+from etac_ros.parameters import FloatArray
+
+
+class Delivery(NamedTuple):
+    """A message that reached a receiver: when, within the tick in which step, and what."""
+
+    tick: int
+    step: int
+    message: Message
+
+
+@dataclass(frozen=True)
+class Staircase:
+    """Values that are held until the next.
+
+    Attributes
+    ----------
+    ticks
+        From when on each value is held, strictly ascending, shape (n,).
+    values
+        Shape (n, m).
+    """
+
+    ticks: npt.NDArray[np.int64]
+    values: FloatArray
+
+    def over(self, first: int, count: int) -> FloatArray:
+        """What is held at each of so many ticks, shape (count, m); not a number before the first value."""
+        places = np.searchsorted(self.ticks, np.arange(first, first + count), side="right") - 1
+        rows = np.full((count, self.values.shape[1]), np.nan)
+        rows[places >= 0] = self.values[places[places >= 0]]
+        return rows
+
+
+def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
+    """The messages of a link that reached a receiver, in the order of their sequence numbers.
+
+    Nobody acts at the end tick or later, so what would arrive there has not arrived.
+    """
+    found = []
+    for message in recording.messages[link.name]:
+        arrival = link.channel.arrival(receiver, message.sequence, message.tick)
+        if arrival is not None and arrival < graph.end_tick:
+            # What is late comes in the first step of its tick, whichever step it was sent in.
+            found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
+    return found
+
+
+def arrivals(graph: Graph, recording: Recording, module: str) -> Mapping[tuple[int, int], Arrivals]:
+    """All that arrived at a module, by tick and step in ascending order, as its ``receive`` was given it."""
+    found: dict[tuple[int, int], list[Arrival]] = {}
+    for link in graph.hears[module]:
+        for tick, step, message in deliveries(graph, recording, link, module):
+            arrival = Arrival(link.receivers[module], link.name, message.value)
+            found.setdefault((tick, step), []).append(arrival)
+    return {when: tuple(found[when]) for when in sorted(found)}
+
+
+def arrivals_by_tick(graph: Graph, recording: Recording, module: str) -> Mapping[int, Arrivals]:
+    """All that arrived at a module, by tick, in the order of its steps."""
+    found: dict[int, Arrivals] = {}
+    for (tick, _), some in arrivals(graph, recording, module).items():
+        found[tick] = (*found.get(tick, ()), *some)
+    return found
+
+
+def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Staircase]:
+    """What each input port of a plant held, from its first committed tick on; ports in the plant's order."""
+    module = graph.modules[plant]
+    assert isinstance(module, PlantModule)
+    first, _ = recording.samples(plant)
+    hold = HeldInputs(module.inputs, [link.name for link in graph.hears[plant]])
+    totals = {first: hold.total()}
+    for (tick, _), some in arrivals(graph, recording, plant).items():
+        totals[tick] = hold.take(some)
+    ticks = np.array(list(totals), dtype=np.int64)
+    values = np.array(list(totals.values()))
+    ends = np.cumsum(list(module.inputs.values()))[:-1]
+    parts = np.split(values, ends, axis=1)
+    return {port: Staircase(ticks, part) for port, part in zip(module.inputs, parts, strict=True)}
+
+
+def energy_until(held: Sequence[Staircase], ticks: npt.NDArray[np.int64], ticks_per_second: int) -> FloatArray:
+    """Integral of the squared held inputs up to each of these ticks, exact since they are piecewise constant.
+
+    In N^2 m^2 s where the inputs are torques [N m].
+    """
+    steps = np.unique(np.concatenate([stairs.ticks for stairs in held]))
+    power = np.zeros(steps.size)
+    for stairs in held:
+        values = stairs.values[np.searchsorted(stairs.ticks, steps, side="right") - 1]
+        power += np.einsum("ij,ij->i", values, values)
+    before = np.concatenate([[0.0], np.cumsum(power[:-1] * np.diff(steps))])
+    inside = np.maximum(ticks, steps[0])
+    places = np.searchsorted(steps, inside, side="right") - 1
+    return np.asarray((before[places] + power[places] * (inside - steps[places])) / ticks_per_second)
+
+
+def energy(graph: Graph, recording: Recording, plant: str, first_tick: int, last_tick: int) -> float:
+    """Integral of the squared held inputs of a plant between two ticks [N^2 m^2 s]."""
+    held = list(held_inputs(graph, recording, plant).values())
+    start, end = energy_until(held, np.array([first_tick, max(first_tick, last_tick)]), graph.ticks_per_second)
+    return float(end - start)
+
+
+def last_sent(graph: Graph, recording: Recording, module: str) -> Staircase | None:
+    """The last-sent value of a module that triggers; None where it has sent nothing."""
+    sent = {message.tick: message.value for message in sent_at_triggers(graph, recording, module)}
+    if not sent:
+        return None
+    return Staircase(np.array(list(sent), dtype=np.int64), np.array(list(sent.values())))
+
+
+def sent_at_triggers(graph: Graph, recording: Recording, module: str) -> list[Message]:
+    """What a module sent at its triggering instants: the messages of a link of the port that its trigger decides on.
+
+    Several links of that port carry the same values at the same ticks, so one of them tells.
+    """
+    port = graph.modules[module].triggers
+    links = [link for link in graph.sends[module] if link.port == port]
+    return recording.messages[links[0].name] if links else []
+
+
+def trigger_ticks(graph: Graph, recording: Recording, module: str) -> npt.NDArray[np.int64]:
+    """Triggering instants of a module: the ticks at which it sent what its trigger decides on, each once."""
+    ticks = {message.tick for message in sent_at_triggers(graph, recording, module)}
+    return np.array(sorted(ticks), dtype=np.int64)
