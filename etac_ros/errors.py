@@ -55,5 +55,9 @@ class CountMismatch(RunError):
     """Sent, received and recorded messages of a topic are not the same number."""
 
 
+class OrderMismatch(RunError):
+    """A module has not done what the time master laid down, or a value has changed on its way."""
+
+
 class BagError(EtacError):
     """A bag cannot be written, read or repaired."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -259,7 +260,7 @@ def run_over_ros(
         If the run could not be finished; what had happened until then is in the bag, which is readable.
     """
     # Only here, so that everything else works without ROS.
-    from etac_ros.engines.ros.count_check import check_counts
+    from etac_ros.engines.ros.count_check import check_outcome
     from etac_ros.engines.ros.domain import take_domain
     from etac_ros.engines.ros.launcher import Launcher, Processes
     from etac_ros.engines.ros.plan import Plan
@@ -269,7 +270,8 @@ def run_over_ros(
     check_writable(bag)
     graph = checked_graph(scenario)
     warm_up(scenario)
-    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows)
+    token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
+    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token)
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
@@ -295,8 +297,7 @@ def run_over_ros(
         lease.release()
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
-    if not outcome.halted:  # who was just sending when the run was ended has not been heard by everybody
-        check_counts(plan, outcome, {name: count.messages for name, count in counts.items()})
+    check_outcome(plan, outcome, {name: count.messages for name, count in counts.items()})
     recording = recorded.recording()
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began

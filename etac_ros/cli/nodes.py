@@ -75,7 +75,7 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
-    from etac_ros.engines.ros.count_check import check_counts
+    from etac_ros.engines.ros.count_check import check_outcome
     from etac_ros.engines.ros.plan import RECORDER
 
     if name == RECORDER:
@@ -83,7 +83,7 @@ def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, ou
     if outcome is None:
         return
     written = outcome.leave_notes[RECORDER]["written"]
-    check_counts(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
+    check_outcome(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
     for module, count in outcome.fired.items():
         print(f"{module}: {count} triggering instants")
     print(f"simulated {scenario.run.duration_s:g} s in {outcome.loop_s:.3f} s")

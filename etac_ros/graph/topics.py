@@ -18,6 +18,7 @@ END = f"{EMULATION}/end"
 LEAVE = f"{EMULATION}/leave"
 FAULT = f"{EMULATION}/fault"
 MESSAGE_LOG = f"{EMULATION}/message_log"
+RECORDED = f"{EMULATION}/recorded"
 
 _WINDOW, _TRUTH, _NEXT, _GO = "window", "truth", "next", "go"
 

@@ -48,6 +48,8 @@ class Dispatcher:
         The run.
     emit
         Takes orders as they are due. A call to a plant may come back with :meth:`on_obeyed` before it returns.
+    on_step
+        Called after each batch, before the next.
 
     Attributes
     ----------
@@ -57,13 +59,21 @@ class Dispatcher:
         Whether the run is over.
     """
 
-    def __init__(self, graph: Graph, duties: Duties, master: TimeMaster, emit: Callable[[Effect], None]) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        duties: Duties,
+        master: TimeMaster,
+        emit: Callable[[Effect], None],
+        on_step: Callable[[], None] = lambda: None,
+    ) -> None:
         self.steps = 0
         self.finished = False
         self._graph = graph
         self._duties = duties
         self._master = master
         self._emit = emit
+        self._on_step = on_step
         self._local = frozenset(graph.plants) - frozenset(duties.remote_plants)
         self._batches = master.run()
         self._orders: Sequence[Order] = ()
@@ -175,6 +185,7 @@ class Dispatcher:
 
     def _step(self) -> Sequence[Order] | None:
         self.steps += 1
+        self._on_step()
         reports = [report for report in self._reports if report is not None]
         try:
             return self._batches.send(reports)

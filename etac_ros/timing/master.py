@@ -53,6 +53,7 @@ class TimeMaster:
         self.message_log: list[Transit] = []
         self._graph = graph
         self._policy = windows
+        self._longest = windows.longest
         self.done: dict[str, int] = dict.fromkeys(graph.modules, 0)
         self._numbers = Places(graph.links)
         self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
@@ -76,6 +77,10 @@ class TimeMaster:
         """The transits of the ticks closed since the last call."""
         taken, self.message_log = self.message_log, []
         return taken
+
+    def shorten_windows(self) -> None:
+        """Open shorter windows from now on: these took too long. Only speed depends on it."""
+        self._longest = max(1, min(self._longest, max(self._lengths.values(), default=1)) // 2)
 
     def is_halted(self) -> bool:
         """Whether a watch has ended the run."""
@@ -230,10 +235,12 @@ class TimeMaster:
 
     def _next_length(self, plant: str, tick: int) -> int:
         if plant not in self._lengths:
-            return self._policy.first
-        if self._proposals[plant] == tick:
-            return self._policy.after_quiet(self._lengths[plant])
-        return self._policy.after_hit(tick - self._starts[plant])
+            wanted = self._policy.first
+        elif self._proposals[plant] == tick:
+            wanted = self._policy.after_quiet(self._lengths[plant])
+        else:
+            wanted = self._policy.after_hit(tick - self._starts[plant])
+        return min(wanted, self._longest)
 
     def _epoch(self, module: str) -> int:
         return self._opened.get(self._graph.reads.get(module, ""), 0)

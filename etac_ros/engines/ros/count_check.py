@@ -1,4 +1,4 @@
-"""Sent, received and recorded have to be the same number on every topic."""
+"""What was sent, received and recorded has to be the same everywhere, and what was done is what was laid down."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from etac_ros.engines.ros.plan import RECORDER, Plan
-from etac_ros.errors import CountMismatch
+from etac_ros.errors import CountMismatch, OrderMismatch
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Outcome:
         Why a watch ended it; empty for a run to its end.
     fired, sent
         Triggers a module and messages a link, as the time master counted them.
+    done
+        Digest of what each module was told to do, and when.
     leave_notes
         Last notes of all nodes: their counts a topic (messages, CDR bytes), process and memory.
     began_s
@@ -34,6 +36,7 @@ class Outcome:
     halted: str
     fired: Mapping[str, int]
     sent: Mapping[str, int]
+    done: Mapping[str, int]
     leave_notes: Mapping[str, Mapping[str, Any]]
     began_s: float
     loop_s: float
@@ -50,6 +53,26 @@ class Outcome:
     def memory_kib(self) -> dict[str, int]:
         """Peak memory of the process of each node."""
         return {name: int(leave_note["memory_kib"]) for name, leave_note in self.leave_notes.items()}
+
+
+def check_outcome(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> None:
+    """Everything that a finished run can be held to.
+
+    Parameters
+    ----------
+    plan, outcome
+        The run and what its nodes said.
+    in_bag
+        Messages a topic in the finished bag, as the bag itself says.
+
+    Raises
+    ------
+    OrderMismatch, CountMismatch
+        If what was done is not what was laid down, or two counts of a topic differ.
+    """
+    check_order(plan, outcome)
+    if not outcome.halted:  # who was just sending when the run was ended has not been heard by everybody
+        check_counts(plan, outcome, in_bag)
 
 
 def check_counts(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> None:
@@ -80,3 +103,33 @@ def check_counts(plan: Plan, outcome: Outcome, in_bag: Mapping[str, int]) -> Non
         if len(set(counts.values())) > 1:
             found = ", ".join(f"{count} {who}" for who, count in counts.items())
             raise CountMismatch(f"topic {topic}", found, "the same number everywhere")
+
+
+def check_order(plan: Plan, outcome: Outcome) -> None:
+    """Compare what each module did, and each value that it heard, with what the others know of it.
+
+    Raises
+    ------
+    OrderMismatch
+        If a module has not done exactly what the time master laid down, or a value has changed on its way.
+    """
+    for name in plan.modules:
+        if outcome.leave_notes[name]["done"] != outcome.done[name]:
+            raise OrderMismatch(
+                f"node {name}",
+                "what it did, and when, is not what the coordinator laid down: the run is no result",
+                "the same acts on the same windows and messages in the same order",
+                "this is a fault of etac_ros: please report it with the bag",
+            )
+    for link in plan.graph.links.values():
+        if link.sender in plan.graph.external:
+            continue
+        sent = outcome.leave_notes[link.sender]["sent_values"][link.name]
+        for receiver in link.receivers:
+            if receiver not in plan.graph.external and outcome.leave_notes[receiver]["values"][link.name] != sent:
+                raise OrderMismatch(
+                    f"topic {link.topic}",
+                    f"{receiver} has not received the values that {link.sender} sent",
+                    "the same bits at both ends",
+                    "is another program publishing on this topic in this ROS domain?",
+                )

@@ -8,7 +8,7 @@ so this file is the one place that waits, and no other knows how.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -22,11 +22,14 @@ from rclpy.serialization import serialize_message
 from etac_ros.errors import RunError
 
 DATA = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
+    depth=4096,
+    history=HistoryPolicy.KEEP_LAST,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""Nothing is dropped and nothing is repeated. A keep-last history loses messages in a burst."""
+"""Nothing of ours is dropped: nobody runs further ahead of the recorder than a part of this depth, and all others
+answer each message. A history that keeps all would let any listener that stands still, be it a foreign one, hold up
+its publisher."""
 
 LATCHED = QoSProfile(
     depth=1,
@@ -37,14 +40,17 @@ LATCHED = QoSProfile(
 """For what a node that joins late has to know."""
 
 _LATCHED_READER = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
+    depth=1000,
+    history=HistoryPolicy.KEEP_LAST,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""A reader that keeps one message would let the greeting of one node push out another's."""
+"""A reader that keeps one message would let the note of one node push out another's."""
 
 Callback = Callable[[Any, int], None]
-"""Takes a message (or its bytes) and its sequence number on its publisher: 1, 2, ..."""
+"""Takes a message (its bytes, or what was read of it) and its number on its publisher: 1, 2, ..."""
+Reader = Callable[[Any], Any]
+"""Reads a message; None for one that is not of this run."""
 
 
 @dataclass
@@ -65,15 +71,28 @@ class Publisher:
     kind, topic
         Message class and topic name.
     listeners
-        How many subscriptions have to be matched before the run begins.
+        Full names of the nodes whose subscriptions have to be matched before the run begins.
+    foreign
+        How many subscriptions of foreign nodes, whose names nobody knows, have to be matched besides.
     latched
         Keep the last message for late joiners.
     """
 
-    def __init__(self, node: Node, kind: type, topic: str, listeners: int, latched: bool = False) -> None:
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        listeners: Collection[str] = (),
+        foreign: int = 0,
+        latched: bool = False,
+    ) -> None:
         self.topic = topic
-        self.listeners = listeners
         self.count = Count()
+        self._listeners = frozenset(listeners)
+        self._foreign = foreign
+        self._node = node
+        self._matched = False
         self._publisher = node.create_publisher(kind, topic, LATCHED if latched else DATA)
 
     def publish(self, message: Any) -> int:
@@ -87,8 +106,20 @@ class Publisher:
 
     @property
     def matched(self) -> bool:
-        """Whether all expected subscriptions are there."""
-        return int(self._publisher.get_subscription_count()) >= self.listeners
+        """Whether all expected subscriptions are there. A stranger that listens, too, stands for none of them."""
+        if not self._matched and self._publisher.get_subscription_count() >= len(self._listeners) + self._foreign:
+            there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
+            strangers = [name for name in there if name not in self._listeners]
+            self._matched = self._listeners <= set(there) and len(strangers) >= self._foreign
+        return self._matched
+
+    def missing(self) -> str:
+        """What is still missing here, in words."""
+        there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
+        missing = sorted(self._listeners - set(there))
+        if len([name for name in there if name not in self._listeners]) < self._foreign:
+            missing.append("a foreign node")
+        return f"{self.topic} (no subscription of {', '.join(missing)})" if missing else self.topic
 
     def drain(self, seconds: float) -> bool:
         """Wait until every receiver has acknowledged everything, at most this long."""
@@ -108,6 +139,16 @@ class Subscription:
         Also get the last message from before joining.
     shared
         The topic has several publishers, so sequence numbers tell nothing.
+    foreign
+        The publisher is no node of ours. It may have published before: its first message after :meth:`open` is
+        number 1, and what came before that does not count.
+    read
+        Reads each message; where it returns None, the message is a stranger's: it is counted, and else ignored.
+
+    Attributes
+    ----------
+    strangers
+        Messages that were not of this run.
     """
 
     def __init__(
@@ -116,17 +157,26 @@ class Subscription:
         kind: type,
         topic: str,
         callback: Callback,
+        *,
         raw: bool = False,
         latched: bool = False,
         shared: bool = False,
+        foreign: bool = False,
+        read: Reader | None = None,
     ) -> None:
         self.topic = topic
         self.count = Count()
+        self.strangers = 0
         self._node = node
         self._kind = kind
         self._raw = raw
+        self._read = read
         self._callbacks = [callback]
         self._continuous = not latched and not shared
+        self._foreign = foreign
+        self._closed = foreign
+        self._base = 0
+        self._matched = False
         profile = _LATCHED_READER if latched else DATA
         subscription = node.create_subscription(kind, topic, _unused, profile, raw=raw)
         self.handle = subscription.handle
@@ -135,28 +185,51 @@ class Subscription:
         """Let another node of this process hear the same."""
         self._callbacks.append(callback)
 
+    def open(self) -> None:
+        """The run begins: from here on a foreign publisher's messages count."""
+        self._closed = False
+
     @property
     def matched(self) -> bool:
         """Whether a publisher of the topic is known."""
-        return bool(self._node.count_publishers(self.topic))
+        self._matched = self._matched or bool(self._node.count_publishers(self.topic))
+        return self._matched
+
+    def missing(self) -> str:
+        """What is missing here, in words."""
+        return f"{self.topic} (no publisher)"
+
+    def deserted(self) -> bool:
+        """Whether no publisher is there any more."""
+        return not self._node.count_publishers(self.topic)
 
     def take(self) -> None:
         """Hand all waiting messages to the callback."""
         while (taken := self.handle.take_message(self._kind, self._raw)) is not None:
             message, info = taken
             sequence = int(info["publication_sequence_number"])
+            if self._closed:
+                self.strangers += 1
+                continue
+            size = len(message) if self._raw else 0
+            content = message if self._read is None else self._read(message)
+            if content is None:
+                self.strangers += 1
+                continue
+            if self._foreign and not self.count.messages:
+                self._base = sequence - 1
             self.count.messages += 1
-            if self._raw:
-                self.count.cdr_bytes += len(message)
-            if self._continuous and sequence != self.count.messages:
+            self.count.cdr_bytes += size
+            number = sequence - self._base
+            if self._continuous and number != self.count.messages:
                 raise RunError(
                     f"topic {self.topic}",
-                    f"message {sequence} of its publisher came as number {self.count.messages}",
+                    f"message {number} of its publisher came as number {self.count.messages}",
                     "every message once, in order, from one publisher",
                     "is another program publishing on this topic in this ROS domain?",
                 )
             for callback in self._callbacks:
-                callback(message, sequence)
+                callback(content, number)
 
 
 class Spinner:
@@ -211,6 +284,11 @@ class Spinner:
         for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
             subscription.take()
         return True
+
+
+def name_of(end: Any) -> str:
+    """Full name of the node that an endpoint of a topic belongs to."""
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
 
 
 def _unused(message: Any) -> None:

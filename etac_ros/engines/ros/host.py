@@ -221,6 +221,7 @@ class Host:
             halted=self._coordinator.halted,
             fired=dict(master.fired),
             sent=dict(master.sent),
+            done=dict(master.done),
             leave_notes=dict(self._coordinator.leave_notes),
             began_s=self._coordinator.began,
             loop_s=self._coordinator.loop_s,

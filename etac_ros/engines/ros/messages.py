@@ -125,11 +125,28 @@ def _table(data: array.array[float], offset: int, count: int, width: int) -> Any
     return message
 
 
-def note(content: Any) -> String:
-    """A protocol note."""
-    return String(data=json.dumps(content, separators=(",", ":")))
+def write_note(content: Any, run: str) -> String:
+    """A protocol note of a run."""
+    return String(data=json.dumps({"run": run, "is": content}, separators=(",", ":")))
 
 
-def read_note(message: String) -> Any:
-    """The content of a protocol note."""
-    return json.loads(message.data)
+def read_note(message: String, run: str) -> Any:
+    """The content of a protocol note; None if it is not of this run, or no note at all."""
+    note = _json(message)
+    return note.get("is") if note is not None and note.get("run") == run else None
+
+
+def open_note(message: String) -> Any:
+    """A note of any run as a flat mapping, with its ``run``; None if it is none."""
+    note = _json(message)
+    if note is None or not isinstance(note.get("is"), dict):
+        return None
+    return {**note["is"], "run": note.get("run")}
+
+
+def _json(message: String) -> dict[str, Any] | None:
+    try:
+        note = json.loads(message.data)
+    except (ValueError, RecursionError):
+        return None
+    return note if isinstance(note, dict) else None

@@ -43,8 +43,8 @@ def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
     }
 
 
-def read_report(content: dict[str, Any]) -> tuple[Report, int | None]:
-    """The report in a note, and what the module saw ahead."""
+def read_report(content: dict[str, Any]) -> tuple[Report, int, int | None]:
+    """The report in a note, the tick that it is about, and what the module saw ahead."""
     concluded = content["concluded"]
     report = Report(
         tuple(content["sent"]),
@@ -53,4 +53,4 @@ def read_report(content: dict[str, Any]) -> tuple[Report, int | None]:
         None if concluded is None else tuple(concluded),
         content["halt"],
     )
-    return report, content["ahead"]
+    return report, content["tick"], content["ahead"]

@@ -8,8 +8,10 @@ from functools import cached_property
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.topics import next_topic, truth_topic, window_topic
+from etac_ros.timing.duties import Duties
 from etac_ros.timing.windows import WindowPolicy
 
+_BY_HAND = "by hand"
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
 
@@ -28,6 +30,8 @@ class Plan:
         How far plants compute ahead.
     record_windows
         Whether the bag also gets windows; they are not committed, so only for looking at the protocol.
+    token
+        Known to the processes of this run only; empty where they are started by hand, and know the digest only.
     """
 
     scenario: str
@@ -35,6 +39,7 @@ class Plan:
     graph: Graph
     windows: WindowPolicy
     record_windows: bool = False
+    token: str = ""
 
     @cached_property
     def modules(self) -> tuple[str, ...]:
@@ -47,43 +52,19 @@ class Plan:
         return (*self.modules, COORDINATOR, RECORDER)
 
     @cached_property
+    def duties(self) -> Duties:
+        """Who waits for orders, who acts on arrival, who reports."""
+        return Duties(self.graph, self.windows)
+
+    @property
     def timekeeper_with(self) -> str | None:
         """The plant in whose process the coordinator lives; None gives it a process of its own."""
-        return self.graph.plants[0] if len(self.graph.plants) == 1 else None
+        return self.duties.timekeeper_with
 
-    @cached_property
-    def remote_plants(self) -> tuple[str, ...]:
-        """Plants that get their orders as messages."""
-        return () if self.timekeeper_with else self.graph.plants
-
-    @cached_property
-    def ordered(self) -> tuple[str, ...]:
-        """Modules that get orders as messages."""
-        return tuple(name for name in self.modules if self.needs_orders(name))
-
-    def needs_orders(self, module: str) -> bool:
-        """Whether a module waits for orders; the others act on arrival, or live with the coordinator."""
-        if module in self.graph.plants:
-            return module in self.remote_plants
-        return not self.acts_on_arrival(module)
-
-    def acts_on_arrival(self, module: str) -> bool:
-        """Whether a module needs no order for what arrives.
-
-        Who sees a plant has to take the sample of the newest window. Where windows have one sample, a tick is in one
-        window only, so there is nothing to mistake.
-        """
-        sees_one = module not in self.graph.reads or self.windows.longest == 1
-        return sees_one and self.graph.acts_on_arrival(module)
-
-    def reports(self, module: str) -> bool:
-        """Whether the coordinator hears what a module does; what the others do it knows beforehand.
-
-        It knows it of modules that only answer, and of those that act at regular ticks. With several plants the
-        latter report nevertheless: else nothing would tell a coordinator in a process of its own how far the run is.
-        """
-        regular = self.graph.modules[module].every is not None and self.timekeeper_with is not None
-        return module in self.graph.reporters and not regular
+    @property
+    def run_id(self) -> str:
+        """What every note of this run bears; nodes that are started by hand have to hear whom they do not fit."""
+        return self.token or _BY_HAND
 
     def namespace_of(self, node: str) -> str:
         """The namespace to whose part of the run a node belongs; time and recording go with the first plant."""
@@ -116,6 +97,7 @@ class Plan:
                 return name
         return COORDINATOR
 
-    def listeners(self, link: Link) -> int:
-        """Subscriptions of a link's topic: its receivers and the recorder."""
-        return len(link.receivers) + 1
+    def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
+        """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""
+        own = tuple(name for name in link.receivers if name not in self.graph.external)
+        return (*own, RECORDER), len(link.receivers) - len(own)

@@ -10,11 +10,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type, read_note
-from etac_ros.engines.ros.plan import RECORDER, Plan
+from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.graph import Link
-from etac_ros.graph.topics import LEAVE, MESSAGE_LOG, truth_topic, window_topic
+from etac_ros.graph.topics import LEAVE, MESSAGE_LOG, RECORDED, truth_topic, window_topic
 from etac_ros.maths.ticks import nanoseconds
 
 
@@ -57,8 +57,10 @@ class RecorderNode(RunNode):
             self._record_truth(truth_topic(plant))
             if plan.record_windows:
                 self._record_windows(window_topic(plant))
-        self.subscription(String, MESSAGE_LOG, self._on_message_log)
-        self.subscription(String, LEAVE, self._on_leave, shared=True)
+        self._log = self._acknowledged = 0
+        self._recorded = self.publisher(String, RECORDED, (COORDINATOR,))
+        self.note_subscription(MESSAGE_LOG, self._on_message_log)
+        self.note_subscription(LEAVE, self._on_leave, shared=True)
 
     def on_start(self) -> None:
         """Create the bag."""
@@ -121,9 +123,12 @@ class RecorderNode(RunNode):
         def on_message(data: bytes, sequence: int) -> None:
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
+            self._acknowledge()
             self.settle()
 
-        self._received[link.topic] = self.subscription(message_type(link.wire), link.topic, on_message, raw=True)
+        foreign = link.sender in self.plan.graph.external
+        kind = message_type(link.wire)
+        self._received[link.topic] = self.subscription(kind, link.topic, on_message, raw=True, foreign=foreign)
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
@@ -143,12 +148,20 @@ class RecorderNode(RunNode):
 
         self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
 
-    def _on_message_log(self, message: Any, sequence: int) -> None:
-        for name, number, tick, step in read_note(message):
+    def _on_message_log(self, content: Any, sequence: int) -> None:
+        self._log = content["log"]
+        for name, number, tick, step in content["transits"]:
             self._places[name, number] = (tick, step)
             self._tick = max(self._tick, tick)
             self._sort_in(name, number)
+        self._acknowledge()
         self.settle()
+
+    def _acknowledge(self) -> None:
+        """Tell the coordinator up to which message log all is written, so that the run does not leave us behind."""
+        if self._log > self._acknowledged and not self._places:
+            self._acknowledged = self._log
+            self._recorded.publish(self.note({"log": self._log}))
 
     def _sort_in(self, name: str, number: int) -> None:
         """Write a message once both it and its place in time are here."""
@@ -157,8 +170,7 @@ class RecorderNode(RunNode):
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
 
-    def _on_leave(self, message: Any, sequence: int) -> None:
-        content = read_note(message)
+    def _on_leave(self, content: Any, sequence: int) -> None:
         self._leave_notes[content["node"]] = content
         self.settle()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+from collections.abc import Collection
 from typing import Any
 
 from rclpy.context import Context
@@ -11,9 +12,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
-from etac_ros.engines.ros.messages import note, read_note
-from etac_ros.engines.ros.plan import Plan
+from etac_ros.engines.ros.endpoints import Callback, Publisher, Reader, Spinner, Subscription
+from etac_ros.engines.ros.messages import read_note, write_note
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.graph.topics import END, FAULT, JOIN, LEAVE, START, STOP
 
 
@@ -51,15 +52,17 @@ class RunNode:
         self._spinner = spinner
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
-        self._joining = self.publisher(String, JOIN, 0, latched=True)
-        self._fault = self.publisher(String, FAULT, 0, latched=True)
-        self._leaving = self.publisher(String, LEAVE, 2)
+        self._joining = self.publisher(String, JOIN, latched=True)
+        self._fault = self.publisher(String, FAULT, latched=True)
+        self._leaving = self.publisher(String, LEAVE, (COORDINATOR, RECORDER))
         for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
             self._hear_as_all_do(topic, callback)
 
-    def publisher(self, kind: type, topic: str, listeners: int, latched: bool = False) -> Publisher:
+    def publisher(
+        self, kind: type, topic: str, listeners: Collection[str] = (), foreign: int = 0, latched: bool = False
+    ) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.ros_node, kind, topic, listeners, latched)
+        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched)
         self._publishers.append(publisher)
         return publisher
 
@@ -68,21 +71,39 @@ class RunNode:
         kind: type,
         topic: str,
         callback: Callback,
+        *,
         raw: bool = False,
         latched: bool = False,
         shared: bool = False,
+        foreign: bool = False,
+        read: Reader | None = None,
     ) -> Subscription:
         """A subscription of this node, served by the process's loop."""
-        subscription = Subscription(self.ros_node, kind, topic, callback, raw, latched, shared)
+        subscription = Subscription(
+            self.ros_node, kind, topic, callback, raw=raw, latched=latched, shared=shared, foreign=foreign, read=read
+        )
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
         return subscription
+
+    def note_subscription(
+        self, topic: str, callback: Callback, latched: bool = False, shared: bool = False
+    ) -> Subscription:
+        """A subscription to notes of this run; what else comes on the topic is counted and ignored."""
+        return self.subscription(String, topic, callback, latched=latched, shared=shared, read=self._read)
+
+    def note(self, content: Any) -> String:
+        """A note of this run."""
+        return write_note(content, self.plan.run_id)
+
+    def _read(self, message: String) -> Any:
+        return read_note(message, self.plan.run_id)
 
     def _hear_as_all_do(self, topic: str, callback: Callback) -> None:
         """Hear what the coordinator tells everybody; the nodes of a process share one subscription."""
 
         def make() -> Subscription:
-            return Subscription(self.ros_node, String, topic, callback, latched=True)
+            return Subscription(self.ros_node, String, topic, callback, latched=True, read=self._read)
 
         self._subscriptions.append(self._spinner.for_all(topic, make, callback))
 
@@ -94,19 +115,19 @@ class RunNode:
         )
 
     def missing(self) -> list[str]:
-        """Topics whose other end is not there."""
+        """Topics whose other end is not there, in words."""
         ends: list[Publisher | Subscription] = [*self._publishers, *self._subscriptions]
-        return sorted({end.topic for end in ends if not end.matched})
+        return sorted({end.missing() for end in ends if not end.matched})
 
     def deserted(self) -> list[str]:
         """Nodes that should send something to this one, and are not there."""
-        topics = {subscription.topic for subscription in self._subscriptions if not subscription.matched}
+        topics = {subscription.topic for subscription in self._subscriptions if subscription.deserted()}
         return sorted({self.plan.sender_of(topic) for topic in topics})
 
     def announce(self) -> None:
         """Tell the coordinator that this node is ready."""
         self._joining.publish(
-            note(
+            self.note(
                 {
                     "node": self.name,
                     "scenario": self.plan.scenario,
@@ -118,7 +139,7 @@ class RunNode:
 
     def say_fault(self, text: str) -> None:
         """Tell the coordinator that this node has failed."""
-        self._fault.publish(note({"node": self.name, "fault": text}))
+        self._fault.publish(self.note({"node": self.name, "fault": text}))
         self._fault.drain(1.0)
 
     def settle(self) -> None:
@@ -137,7 +158,7 @@ class RunNode:
         The node stays until all have said so: then whatever it sent has arrived, and it can go at once. Waiting for
         acknowledgements instead would take as long as a lease, where the other end has gone without sending one.
         """
-        self._leaving.publish(note(self.leave_note()))
+        self._leaving.publish(self.note(self.leave_note()))
 
     def leave_note(self) -> dict[str, Any]:
         """What the last note of this node says."""
@@ -150,23 +171,34 @@ class RunNode:
                 for publisher in self._publishers
                 if publisher.count.messages
             },
+            "strangers": {
+                subscription.topic: subscription.strangers
+                for subscription in self._subscriptions
+                if subscription.strangers
+            },
         }
 
     def abort(self) -> None:
         """Save what can be saved: the process is told to end before the run has."""
 
+    def begin_to_count(self) -> None:
+        """From here on what foreign nodes send belongs to the run."""
+        for subscription in self._subscriptions:
+            subscription.open()
+
     def on_start(self) -> None:
         """The run begins."""
 
-    def _on_start(self, message: Any, sequence: int) -> None:
+    def _on_start(self, content: Any, sequence: int) -> None:
         if not self.started:
             self.started = True
+            self.begin_to_count()
             self.on_start()
 
-    def _on_stop(self, message: Any, sequence: int) -> None:
+    def _on_stop(self, content: Any, sequence: int) -> None:
         if self.stop is None:
-            self.stop = read_note(message)
+            self.stop = content
             self.settle()
 
-    def _on_end(self, message: Any, sequence: int) -> None:
+    def _on_end(self, content: Any, sequence: int) -> None:
         self.finished = True
