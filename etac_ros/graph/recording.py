@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,19 @@ class Recording:
     truth: dict[str, list[tuple[int, FloatArray]]] = field(default_factory=dict)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
     """By plant: how many chunks there were when they were last joined, and all their samples."""
+
+    def digest(self) -> str:
+        """A number for all that happened, to the last bit: the same for two runs only if they are the same."""
+        found = blake2b(digest_size=8)
+        for link in sorted(self.messages):
+            for message in self.messages[link]:
+                found.update(f"{link}#{message.sequence} {message.tick}:{message.step}=".encode())
+                found.update(message.value.tobytes())
+        for plant in sorted(self.truth):
+            first, samples = self.samples(plant)
+            found.update(f"{plant}@{first}=".encode())
+            found.update(np.ascontiguousarray(samples).tobytes())
+        return found.hexdigest()
 
     def samples(self, plant: str) -> tuple[int, FloatArray]:
         """All committed samples of a plant: the tick of the first, and an array of shape (n, states).
