@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from etac_ros import __version__
 from etac_ros.bag.definitions import schema_text
@@ -18,6 +19,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.engines.inprocess import InProcess
+from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
@@ -196,12 +198,16 @@ class RosOptions:
         Put the windows of the emulation plane into the bag, too.
     only
         Namespace of the part of the run that is played here; the others join the same ``domain``.
+    quiet_s
+        How long a process may stand still, or a node owe an answer, before the run fails and names it [s]. A shorter
+        pause costs time and nothing else.
     """
 
     processes: str = "node"
     domain: int | None = None
     record_windows: bool = False
     only: str | None = None
+    quiet_s: float = QUIET_S
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
@@ -217,18 +223,22 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     EtacError
         If there is no such part, or the run failed.
     """
+    from etac_ros.engines.ros.domain import check_domain
     from etac_ros.engines.ros.launcher import Launcher, Processes
     from etac_ros.engines.ros.plan import COORDINATOR, Plan
+    from etac_ros.engines.ros.signals import SignalGuard
 
     assert options.only is not None
     if options.domain is None:
         raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
+    check_domain(options.domain, "--join")
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), quiet_s=options.quiet_s)
     if COORDINATOR in plan.part(options.only):
         return False
     warm_up(scenario)
     processes = Processes(options.processes)
-    Launcher(plan, processes, options.domain, options.only, _no_bag, lambda *_: None, lambda _: None).run()
+    with SignalGuard() as guard:
+        Launcher(plan, processes, options.domain, options.only, _no_bag, lambda *_: None, lambda _: None, guard).run()
     return True
 
 
@@ -258,12 +268,24 @@ def run_over_ros(
     ------
     EtacError
         If the run could not be finished; what had happened until then is in the bag, which is readable.
+    KeyboardInterrupt, EndedBySignal
+        If a signal ended it; likewise.
+
+    Notes
+    -----
+    It forks, and leaves the environment, the signals and the ROS domain of the calling program as they are. In a
+    program that uses rclpy itself, or in a thread, it takes a Python process of its own, for about a second.
     """
+    from etac_ros.engines.ros import own_process
+
+    if own_process.is_needed():
+        return _run_in_own_process(scenario, bag, options, on_progress, on_start)
     # Only here, so that everything else works without ROS.
     from etac_ros.engines.ros.count_check import check_outcome
     from etac_ros.engines.ros.domain import take_domain
     from etac_ros.engines.ros.launcher import Launcher, Processes
     from etac_ros.engines.ros.plan import Plan
+    from etac_ros.engines.ros.signals import SignalGuard
 
     began = time.perf_counter()
     windows = windows_of(scenario)
@@ -271,7 +293,7 @@ def run_over_ros(
     graph = checked_graph(scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token)
+    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token, options.quiet_s)
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
@@ -279,20 +301,23 @@ def run_over_ros(
         schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain, shared=bool(graph.external) or options.only is not None)
     try:
-        launcher = Launcher(
-            plan,
-            Processes(options.processes),
-            lease.domain,
-            options.only,
-            lambda: open_bag(scenario, bag, "ros", extra),
-            on_progress,
-            on_start,
-        )
-        outcome = launcher.run()
-        assert outcome is not None  # this part keeps time
-    except BaseException:
-        make_readable(bag)
-        raise
+        with SignalGuard() as guard:
+            launcher = Launcher(
+                plan,
+                Processes(options.processes),
+                lease.domain,
+                options.only,
+                lambda: open_bag(scenario, bag, "ros", extra),
+                on_progress,
+                on_start,
+                guard,
+            )
+            try:
+                outcome = launcher.run()
+            except BaseException:
+                make_readable(bag)
+                raise
+            assert outcome is not None  # this part keeps time
     finally:
         lease.release()
     recorded = read_bag(bag)
@@ -315,6 +340,54 @@ def run_over_ros(
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+def _run_in_own_process(
+    scenario: Scenario,
+    bag: Path,
+    options: RosOptions,
+    on_progress: Progress,
+    on_start: Callable[[dict[str, int]], None],
+) -> Run:
+    from etac_ros.engines.ros import own_process
+
+    def on_event(kind: str, content: Any) -> None:
+        if kind == "start":
+            on_start(content)
+        else:
+            on_progress(*content)
+
+    overrides = tuple(f"{key}={json.dumps(value)}" for key, value in scenario.overrides.items())
+    arguments = {
+        "path": str(scenario.path.absolute()),
+        "variant": scenario.variant,
+        "overrides": overrides,
+        "digest": scenario.digest,
+        "bag": bag.absolute(),
+        "options": options,
+    }
+    summary: Summary = own_process.call(f"{__name__}:_serve_run", arguments, on_event)
+    return Run(scenario, summary.model_copy(update={"bag": str(bag)}), read_bag(bag).recording(), bag)
+
+
+def _serve_run(
+    tell: Callable[[str, Any], None],
+    path: str,
+    variant: str | None,
+    overrides: tuple[str, ...],
+    digest: str,
+    bag: Path,
+    options: RosOptions,
+) -> Summary:
+    """What the process of its own does: the whole run."""
+    scenario = load(path, variant, overrides)
+    if scenario.digest != digest:
+        raise ScenarioError(path, "has changed since it was loaded", "the scenario that was loaded", "load it again")
+
+    def on_progress(tick: int, fired: Mapping[str, int]) -> None:
+        tell("progress", (tick, dict(fired)))
+
+    return run_over_ros(scenario, bag, options, on_progress, lambda pids: tell("start", pids)).summary
 
 
 def _no_bag() -> BagWriter:

@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 
 from etac_ros import __version__
+from etac_ros.cli.streams import hold_standard_streams
+from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, ScenarioError
 
 app = typer.Typer(
@@ -44,6 +46,9 @@ class Spread(StrEnum):
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
+QuietS = Annotated[
+    float, typer.Option(min=1.0, help="A node that stands still or owes an answer for this long ends the run [s].")
+]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
@@ -57,11 +62,14 @@ def run(
     baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
     bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
-    domain: Annotated[int | None, typer.Option("--domain", "--join", help="ROS domain; default: a free one.")] = None,
+    domain: Annotated[
+        int | None, typer.Option("--domain", "--join", help="ROS domain; default: ROS_DOMAIN_ID, or a free one.")
+    ] = None,
     only: Annotated[
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    quiet_s: QuietS = QUIET_S,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import RunRequest, run_and_show
@@ -79,6 +87,7 @@ def run(
         domain,
         record_windows,
         only,
+        quiet_s,
     )
     run_and_show(request, make_console())
 
@@ -202,11 +211,12 @@ def node(
     name: Annotated[str, typer.Argument(help="Full name of the node, as /sensor.")],
     params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
+    quiet_s: QuietS = QUIET_S,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, str(params_file), bag)
+    play(name, str(params_file), bag, quiet_s)
 
 
 @app.command()
@@ -266,6 +276,7 @@ def _options(
 
 def main() -> None:
     """Entry point. Errors are for people: no traceback, and an exit code that tells bad input from a failed run."""
+    hold_standard_streams()
     try:
         app()
     except EtacError as error:

@@ -12,6 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from etac_ros.bag.write import check_writable
+from etac_ros.cli.streams import hold_standard_streams
+from etac_ros.engines.ros.domain import domain_of_environment
+from etac_ros.engines.ros.environment import join_by_hand
+from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
 from etac_ros.scenario.load import Scenario, load
@@ -21,7 +25,7 @@ if TYPE_CHECKING:
     from etac_ros.engines.ros.plan import Plan
 
 
-def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
+def play(name: str, params_file: str, bag: Path | None = None, quiet_s: float = QUIET_S) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
     Parameters
@@ -32,23 +36,22 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
         A scenario's file or name. All nodes of a run need the same, with the same overrides.
     bag
         Directory of the bag, for the recorder.
+    quiet_s
+        How long a node may owe an answer before it is reported [s].
 
     Raises
     ------
     EtacError
-        If the scenario has no such node; nothing has been started.
+        If the scenario has no such node, or the environment does not let it meet others; nothing has been started.
     """
-    scenario = load(params_file)
+    domain = domain_of_environment(os.environ) or 0
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
-    from etac_ros.engines.ros.domain import dds_environment
-
-    domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
-    for key, value in dds_environment(domain).items():
-        os.environ.setdefault(key, value)
+    join_by_hand(os.environ, domain)
+    scenario = load(params_file)
     from etac_ros.engines.ros.host import Host, leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario))
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), quiet_s=quiet_s)
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -65,12 +68,13 @@ def play(name: str, params_file: str, bag: Path | None = None) -> NoReturn:
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
+    host = Host(plan, [name], lambda: open_bag(scenario, directory, "ros"))
     try:
-        outcome = Host(plan, [name], lambda: open_bag(scenario, directory, "ros")).run()
+        outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)
     except EtacError as error:
         print(f"{name}: {error}", file=sys.stderr)
-        leave_process(1)
+        leave_process(1 if host.ended_by is None else 128 + host.ended_by)
     leave_process(0)
 
 
@@ -122,6 +126,7 @@ def coordinator() -> None:
 
 
 def _main(executable: str) -> None:
+    hold_standard_streams()
     try:
         name, params_file, bag = parse_arguments(executable, sys.argv[1:])
         play(name, params_file, bag)

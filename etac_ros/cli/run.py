@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -12,6 +14,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.show import show_summary
+from etac_ros.engines.ros.domain import check_domain, domain_of_environment
+from etac_ros.engines.ros.environment import without_effect
+from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
@@ -42,15 +47,18 @@ class RunRequest:
     domain: int | None
     record_windows: bool
     only: str | None = None
+    quiet_s: float = QUIET_S
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
     """Run what was asked for, show the tables, write the summary."""
+    if request.engine == "ros":
+        request = _in_this_process(request)
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
-        options = RosOptions(request.processes, request.domain, only=request.only)
+        options = RosOptions(request.processes, request.domain, only=request.only, quiet_s=request.quiet_s)
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
@@ -74,6 +82,21 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"summary: {request.json}", soft_wrap=True)
 
 
+def _in_this_process(request: RunRequest) -> RunRequest:
+    """What the shell's environment means for the run, before anything of ROS is loaded.
+
+    Without ``--domain`` a ROS_DOMAIN_ID is the wanted domain, as for any ROS program.
+    """
+    idle = without_effect(os.environ, Path.cwd())
+    if idle:
+        print(f"etac: no effect on a run, which keeps to this machine: {', '.join(idle)}", file=sys.stderr)
+    os.environ.pop("RMW_IMPLEMENTATION", None)  # this process is ours, and a run has but one choice
+    if request.domain is not None:
+        check_domain(request.domain, "--join" if request.only else "--domain")
+        return request
+    return replace(request, domain=domain_of_environment(os.environ))
+
+
 def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
     """The baseline's counts are the same with either engine; only on request it takes the long way.
 
@@ -93,7 +116,9 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
     if request.engine == "inprocess":
         return run_in_process(scenario, bag)
     assert bag is not None
-    options = RosOptions(request.processes, request.domain, request.record_windows, request.only)
+    options = RosOptions(
+        request.processes, request.domain, request.record_windows, request.only, quiet_s=request.quiet_s
+    )
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),

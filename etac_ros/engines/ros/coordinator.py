@@ -45,8 +45,6 @@ _LOGS_AHEAD = 4
 topic's history, so that a recorder that stands still for a while costs time and no message."""
 _SLOW_STEP_S = 1.0
 """Wall time between steps after which windows become shorter."""
-QUIET_S = 20.0
-"""A node that owes an answer for this long is reported; only failures ever wait so long."""
 _LAST_WORD_S = 2.0
 """How long the coordinator waits to know that its last word has been heard."""
 
@@ -133,7 +131,7 @@ class CoordinatorNode(RunNode):
         if self._dispatcher.steps != self._steps:  # the run gets on, whoever brought that about
             self._steps = self._dispatcher.steps
             self._heard = time.monotonic()
-        if time.monotonic() - self._heard < QUIET_S:
+        if time.monotonic() - self._heard < self.plan.quiet_s:
             return
         self._heard = time.monotonic()
         if not self.started:
@@ -143,7 +141,7 @@ class CoordinatorNode(RunNode):
                 return
             raise RunError(
                 f"node {', '.join(missing)}",
-                f"has not appeared within {QUIET_S:g} s",
+                f"has not appeared within {self.plan.quiet_s:g} s",
                 "all nodes of the scenario, started with the same parameter file",
                 "start it, or see what it printed",
             )
@@ -151,12 +149,16 @@ class CoordinatorNode(RunNode):
             self._foreign.blame()
             raise RunError(
                 f"node {', '.join(self._owing())}",
-                f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {QUIET_S:g} s",
+                f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {self.plan.quiet_s:g} s",
                 "an answer to every order",
                 "is its process still there? see what it printed",
             )
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
-        raise RunError(f"node {', '.join(missing)}", f"has not left within {QUIET_S:g} s")
+        raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
+
+    def excuse(self) -> None:
+        """Silence counts from now on: a process of the run was stopped, or computes."""
+        self._heard = time.monotonic()
 
     def end(self, fault: str) -> None:
         """End the run, now that it is over or has failed; all others hear of it."""

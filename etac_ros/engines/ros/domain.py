@@ -1,37 +1,89 @@
-"""Which ROS domain a run uses, and how its processes find each other.
+"""Which ROS domain a run uses.
 
 Two runs in one domain would corrupt each other, so a run takes a free one for itself. "Free" means that no process
-on this machine, of whatever ROS program, has a UDP port of the domain open, and that no other run has locked it.
+on this machine, of whatever ROS program, has a UDP port of the domain open, and that no other run has leased it.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
-from importlib.resources import files
+import socket
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO
 
-from etac_ros.errors import RunError
+from etac_ros.errors import RunError, ScenarioError
 
-DOMAINS = range(1, 102)
-"""Domains whose ports lie below the range from which the system hands out ephemeral ports."""
+LAST_DOMAIN = 101
+"""The ports of the domains up to here lie below the range from which the system hands out ephemeral ports."""
+DOMAINS = range(1, LAST_DOMAIN + 1)
+"""The domains of which a run takes one; 0 is everybody's."""
+DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
 _FIRST_PORT = 7400
 _PORTS_A_DOMAIN = 250
 
 
 class DomainLease:
-    """A ROS domain taken for one run; released by :meth:`release` or by the end of the process."""
+    """A ROS domain taken for one run; released by :meth:`release` or by the end of the process.
 
-    def __init__(self, domain: int, lock: IO[str]) -> None:
+    It is a name in Linux's abstract socket namespace: it is the machine's, whoever the user is, it ends with the
+    last process that holds it, and nothing of it can stay behind. Like UDP ports it belongs to the network namespace.
+    """
+
+    def __init__(self, domain: int, name: socket.socket) -> None:
         self.domain = domain
-        self._lock = lock
+        self._name = name
 
     def release(self) -> None:
         """Let others have the domain."""
-        self._lock.close()
+        self._name.close()
+
+
+def check_domain(domain: int, given_by: str) -> int:
+    """The domain, if there is one of that number.
+
+    Parameters
+    ----------
+    domain
+        The number.
+    given_by
+        Where it stands, for the error.
+
+    Raises
+    ------
+    ScenarioError
+        If it is out of range.
+    """
+    if not 0 <= domain <= LAST_DOMAIN:
+        raise ScenarioError(
+            f"{given_by} {domain}",
+            "is out of range",
+            f"a ROS domain from 0 to {LAST_DOMAIN}; the ports of higher ones may be any program's",
+        )
+    return domain
+
+
+def domain_of_environment(environment: Mapping[str, str]) -> int | None:
+    """The domain that ROS_DOMAIN_ID names; None where it is not set, or empty, which is the same to ROS.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no number, or out of range.
+    """
+    text = environment.get(DOMAIN_VARIABLE, "").strip()
+    if not text:
+        return None
+    try:
+        domain = int(text)
+    except ValueError:
+        raise ScenarioError(
+            f"{DOMAIN_VARIABLE} '{text}' in the environment",
+            "is no whole number",
+            f"a ROS domain from 0 to {LAST_DOMAIN}",
+            f"unset {DOMAIN_VARIABLE}, or set it to a number",
+        ) from None
+    return check_domain(domain, DOMAIN_VARIABLE)
 
 
 def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
@@ -48,9 +100,11 @@ def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
     ------
     RunError
         If the wanted domain is in use, or none is free.
+    ScenarioError
+        If there is no such domain.
     """
-    if wanted is not None and not 0 <= wanted <= DOMAINS[-1]:
-        raise RunError(f"ROS domain {wanted}", "is out of range", f"0 to {DOMAINS[-1]}")
+    if wanted is not None:
+        check_domain(wanted, "ROS domain")
     busy = set() if wanted is not None and shared else _busy_domains()
     # Starting at a place of one's own keeps runs that start together from racing for the same domain.
     start = os.getpid() % len(DOMAINS)
@@ -58,7 +112,7 @@ def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
     for domain in candidates:
         if domain in busy:
             continue
-        lease = _lock(domain)
+        lease = _lease(domain)
         if lease is not None:
             return lease
     if wanted is not None:
@@ -66,34 +120,19 @@ def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
             f"ROS domain {wanted}",
             "is in use by another run or another ROS program on this machine",
             "a domain of its own for each run",
-            "leave --domain out to have a free one chosen, or end the other program",
+            f"leave --domain out and {DOMAIN_VARIABLE} unset to have a free one chosen, or end the other program",
         )
     raise RunError("ROS domains", f"none of {DOMAINS[0]} to {DOMAINS[-1]} is free", "a free domain")
 
 
-def dds_environment(domain: int) -> dict[str, str]:
-    """Environment variables with which a process joins a run in the domain on this machine."""
-    profile = Path(str(files("etac_ros.engines.ros").joinpath("fastdds_profile.xml")))
-    return {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",  # leave it to the profile: this machine only
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
-    }
-
-
-def _lock(domain: int) -> DomainLease | None:
-    path = Path(tempfile.gettempdir()) / f"etac_ros_domain_{domain}.lock"
+def _lease(domain: int) -> DomainLease | None:
+    name = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
-        lock = path.open("a")
+        name.bind(f"\0etac_ros/domain/{domain}")
     except OSError:
-        return None  # another user's lock file: take it for in use
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
+        name.close()
         return None
-    return DomainLease(domain, lock)
+    return DomainLease(domain, name)
 
 
 def _busy_domains() -> set[int]:

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn
 
 import rclpy
 from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from etac_ros.engines.ros.coordinator import QUIET_S, CoordinatorNode, Progress
+from etac_ros.engines.ros.coordinator import CoordinatorNode, Progress
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.endpoints import Spinner
+from etac_ros.engines.ros.environment import may_keep_apart
+from etac_ros.engines.ros.limits import limits_in_force
+from etac_ros.engines.ros.liveness import FRESH_S, LifeSigns
 from etac_ros.engines.ros.module_node import ModuleNode, PlantNode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import RecorderNode, Sink
 from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.engines.ros.signals import ENDING, let_through
 from etac_ros.errors import EtacError, RunError
 
 _JOIN_WAIT_S = 0.005
@@ -43,9 +51,29 @@ def leave_process(code: int) -> NoReturn:
     its participant is left to the operating system, since Fast DDS was seen to hang in it on a busy machine; and
     exit handlers are left alone, since in a forked process they belong to the parent.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
+            stream.flush()
     os._exit(code)
+
+
+@dataclass(frozen=True)
+class Supervised:
+    """What a process knows of the launcher that started it.
+
+    Attributes
+    ----------
+    parent
+        The launcher's process; its end means the end of this one.
+    signs
+        Where all processes of the launcher show that they live.
+    place
+        That of this process.
+    """
+
+    parent: int
+    signs: LifeSigns
+    place: int
 
 
 class Host:
@@ -61,10 +89,15 @@ class Host:
         Creates the bag; needed where the recorder is played.
     on_progress
         Told the tick and the triggers so far, where the coordinator is played.
-    parent
-        Process whose end means the end of this one; None for a node started by hand.
     patient
         Others of the run are started by hand, which may take its time, and nobody sees them die but their peers.
+    supervised
+        How the launcher that started this process sees it; None for a node started by hand.
+
+    Attributes
+    ----------
+    ended_by
+        The signal that told this process to end, if one did.
     """
 
     def __init__(
@@ -73,18 +106,20 @@ class Host:
         names: Sequence[str],
         open_sink: Callable[[], Sink] | None = None,
         on_progress: Progress = _nothing,
-        parent: int | None = None,
         patient: bool = True,
+        supervised: Supervised | None = None,
     ) -> None:
         self._plan = plan
         self._names = names
         self._open_sink = open_sink
         self._on_progress = on_progress
-        self._parent = parent
         self._patient = patient
-        self._told_to_end = False
+        self._supervised = supervised
+        self.ended_by: int | None = None
         self._roll_call = 0.0
         self._next_look = 0.0
+        self._last_round = time.monotonic()
+        self._excused = 0.0
         self._nodes: list[RunNode] = []
         self._coordinator: CoordinatorNode | None = None
         self._spinner: Spinner
@@ -102,11 +137,20 @@ class Host:
         EtacError
             If this node failed, or was told of another's failure.
         """
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._on_signal)
+        self._hear_signals()
         context = Context()
-        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-        self._create(context)
+        try:
+            # Without log files: nobody reads them, and there may be no folder for them.
+            quietly = ["--ros-args", "--disable-external-lib-logs"]
+            rclpy.init(args=quietly, context=context, signal_handler_options=SignalHandlerOptions.NO)
+            self._create(context)
+        except _rclpy.RCLError as error:
+            raise RunError(
+                f"node {', '.join(self._names)}",
+                f"cannot be created: {error}{limits_in_force()}",
+                "",
+                may_keep_apart(os.environ, Path.cwd()),
+            ) from None
         try:
             self._join()
             self._take_part()
@@ -114,6 +158,15 @@ class Host:
             self._give_up(error)
             raise
         return self._outcome()
+
+    def _hear_signals(self) -> None:
+        for number in ENDING:
+            if self._supervised is not None and number != signal.SIGTERM:
+                # A terminal sends these to all processes, but the launcher ends them, the recorder last.
+                signal.signal(number, signal.SIG_IGN)
+            elif signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._on_signal)
+        let_through()
 
     def _create(self, context: Context) -> None:
         only_listens = list(self._names) == [RECORDER]
@@ -148,13 +201,19 @@ class Host:
                 node.announce()
                 waiting.remove(node)
             now = time.monotonic()
-            if not waiting or now - told < QUIET_S:
+            if not waiting or now - max(told, self._excused) < self._plan.quiet_s:
                 continue
             told = now
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
-                raise RunError(f"node {waiting[0].name}", f"found no other end for {topics} within {QUIET_S:g} s")
-            print(f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}", flush=True)
+                raise RunError(
+                    f"node {waiting[0].name}", f"found no other end for {topics} within {self._plan.quiet_s:g} s"
+                )
+            cause = may_keep_apart(os.environ, Path.cwd())
+            print(
+                f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}{cause and f' ({cause})'}",
+                flush=True,
+            )
 
     def _take_part(self) -> None:
         while not all(node.finished for node in self._nodes):
@@ -183,19 +242,41 @@ class Host:
                 )
 
     def _look_around(self) -> None:
-        if self._told_to_end:
-            raise RunError(f"node {', '.join(self._names)}", "was told to end before the run was over")
         now = time.monotonic()
+        if now - self._last_round > FRESH_S:
+            self._excuse(now)  # this process itself was stopped, or has computed
+        self._last_round = now
+        if self._supervised is not None:
+            self._supervised.signs.give(self._supervised.place)
+        if self.ended_by is not None:
+            if all(node.has_left for node in self._nodes):
+                for node in self._nodes:
+                    node.finished = True  # nothing was left to do but to hear of the end
+                return
+            raise RunError(f"node {', '.join(self._names)}", "was told to end before the run was over")
         if now < self._next_look:
             return
         self._next_look = now + _LOOK_S
-        if self._parent is not None and os.getppid() != self._parent:
-            raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
+        if self._supervised is not None:
+            if os.getppid() != self._supervised.parent:
+                raise RunError(f"node {', '.join(self._names)}", "lost the process that started it")
+            if not self._supervised.signs.all_fresh():
+                self._excuse(now)
         for node in self._nodes:
             fault = (node.stop or {}).get("fault")
             # The recorder stays until nothing comes any more, the coordinator knows it anyway.
             if fault and not isinstance(node, CoordinatorNode | RecorderNode):
                 raise RunError(f"node {node.name}", f"the run was ended: {fault}")
+
+    def _excuse(self, now: float) -> None:
+        """Nobody can be expected to have answered while a process of the run was stopped, or computed.
+
+        If that goes on for too long it is the launcher who says so; what is named here are answers that are owed
+        while everybody listens.
+        """
+        self._excused = now
+        if self._coordinator is not None:
+            self._coordinator.excuse()
 
     def _give_up(self, error: BaseException) -> None:
         """Save what can be saved, and tell the others. Never hides the error it is called for."""
@@ -204,7 +285,7 @@ class Host:
             pass  # what has already arrived belongs into the bag
         for node in self._nodes:
             try:
-                if not self._told_to_end and node.stop is None:
+                if self.ended_by is None and node.stop is None:
                     node.say_fault(text)
                 if isinstance(node, CoordinatorNode):
                     node.fault = text
@@ -228,4 +309,4 @@ class Host:
         )
 
     def _on_signal(self, number: int, frame: Any) -> None:
-        self._told_to_end = True
+        self.ended_by = number

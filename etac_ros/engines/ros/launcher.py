@@ -1,13 +1,18 @@
 """Starts the processes of a run, watches over them, and ends them: none is ever left behind.
 
 They are forked after everything is imported and compiled, which saves more than a second against starting each
-anew; the parent never initialises rclpy, without which a fork would not be safe.
+anew; the parent never initialises rclpy, without which a fork would not be safe. (A program that has done so, or that
+runs something in a thread, gets a process of its own for the launcher: :mod:`etac_ros.engines.ros.own_process`.)
+
+Who ends too early is seen by the operating system; who stands still is seen by the signs of life that every process
+gives outside DDS (:mod:`etac_ros.engines.ros.liveness`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import gc
+import math
 import multiprocessing
 import os
 import signal
@@ -23,11 +28,14 @@ from typing import Any
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
-from etac_ros.engines.ros.domain import dds_environment
-from etac_ros.engines.ros.host import Host, leave_process
+from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.engines.ros.host import Host, Supervised, leave_process
+from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
+from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, glimpse
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
+from etac_ros.engines.ros.signals import SignalGuard, held_back
 from etac_ros.errors import EtacError, RunError
 
 MOST_PROCESSES = 100
@@ -62,14 +70,20 @@ def groups(plan: Plan, processes: Processes, names: Sequence[str]) -> list[tuple
 
 @dataclass
 class _Child:
+    place: int
     names: tuple[str, ...]
     process: BaseProcess
     pipe: Connection
     done: bool = False
 
     @property
+    def pid(self) -> int:
+        assert self.process.pid is not None
+        return self.process.pid
+
+    @property
     def label(self) -> str:
-        return f"node {', '.join(self.names)} (process {self.process.pid})"
+        return f"node {', '.join(self.names)} (process {self.pid})"
 
 
 class Launcher:
@@ -91,6 +105,8 @@ class Launcher:
         Told the tick and the triggers so far.
     on_start
         Told the process of each node once all are started.
+    guard
+        Keeps signals for the moments at which a run can be ended; None where nobody does.
 
     Attributes
     ----------
@@ -107,8 +123,10 @@ class Launcher:
         open_sink: Callable[[], Sink],
         on_progress: Progress,
         on_start: Callable[[dict[str, int]], None],
+        guard: SignalGuard | None = None,
     ) -> None:
         self.started_s = 0.0
+        self._guard = guard or SignalGuard()
         self._on_start = on_start
         self._plan = plan
         names = plan.nodes if only is None else plan.part(only)
@@ -127,6 +145,8 @@ class Launcher:
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
+        self._signs = LifeSigns(len(self._groups))
+        self._living = Watch(plan.quiet_s)
         self._tick = 0
 
     def run(self) -> Outcome | None:
@@ -140,9 +160,10 @@ class Launcher:
         Raises
         ------
         RunError
-            If a node failed, died or was not heard of; all processes have ended by then, and the bag is closed.
-        KeyboardInterrupt
-            If the user interrupted; likewise.
+            If a node failed, died, stood still or was not heard of; all processes have ended by then, and the bag is
+            closed.
+        KeyboardInterrupt, EndedBySignal
+            If the guard has heard a signal; likewise.
         """
         try:
             self._start()
@@ -150,42 +171,91 @@ class Launcher:
         except BaseException:
             self._end()
             raise
+        deadline = time.monotonic() + _END_S
         for child in self._children:
-            child.process.join(_END_S)
+            if child.done:
+                child.process.join(max(0.0, deadline - time.monotonic()))
         self._end()
         return outcome
 
     def _start(self) -> None:
-        os.environ.update(dds_environment(self._domain))
         preload()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        fork = multiprocessing.get_context("fork")
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
+                stream.flush()
         gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
-        for names in self._groups:
-            ours, theirs = fork.Pipe(duplex=False)
-            process = fork.Process(
-                target=_play, args=(self._plan, names, self._open_sink, theirs, os.getpid(), self._patient)
-            )
-            process.daemon = True
+        names: tuple[str, ...] = ()
+        try:
+            with enough_files(len(self._groups)):
+                for place, names in enumerate(self._groups):
+                    self._guard.check()
+                    self._fork(place, names)
+        except (OSError, MemoryError, RuntimeError) as error:
+            raise refused_by_system(error, f"starting node {', '.join(names)}") or error from error
+        finally:
+            gc.unfreeze()
+        self._on_start({name: child.pid for child in self._children for name in child.names})
+
+    def _fork(self, place: int, names: tuple[str, ...]) -> None:
+        fork = multiprocessing.get_context("fork")
+        ours, theirs = fork.Pipe(duplex=False)
+        supervised = Supervised(os.getpid(), self._signs, place)
+        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised)
+        process = fork.Process(target=_play, args=(task, theirs))
+        process.daemon = True
+        with held_back():
             process.start()
             theirs.close()
-            self._children.append(_Child(names, process, ours))
-        gc.unfreeze()
-        self._on_start({name: child.process.pid or 0 for child in self._children for name in child.names})
+            self._children.append(_Child(place, names, process, ours))
 
     def _watch(self) -> Outcome | None:
         outcome: Outcome | None = None
-        while not all(child.done for child in self._children):
-            pending = [child for child in self._children if not child.done]
-            ready = wait([child.pipe for child in pending] + [child.process.sentinel for child in pending])
+        deadline = math.inf
+        while (pending := [child for child in self._children if not child.done]) and time.monotonic() < deadline:
+            ready = wait(
+                [
+                    *(child.pipe for child in pending),
+                    *(child.process.sentinel for child in pending),
+                    *self._guard.wakes,
+                ],
+                LOOK_EVERY_S,
+            )
+            self._guard.check()
             for child in pending:
                 if child.pipe in ready or child.process.sentinel in ready:
                     found = self._listen(child)
-                    outcome = found or outcome
+                    if found is not None:
+                        outcome = found
+                        # Now all have left, with their counts. Who has not heard so need not be waited for.
+                        deadline = time.monotonic() + _END_S
+            self._look_for_life()
         if outcome is None and self._keeps_time:
             raise RunError("node " + COORDINATOR, "ended without an outcome")
         return outcome
+
+    def _look_for_life(self) -> None:
+        """Name who stands still; say who takes long."""
+        pending = {child.place: child for child in self._children if not child.done}
+        self._living.look(
+            time.monotonic(),
+            {place: self._signs.last(place) for place in pending},
+            {place: glimpse(child.pid) for place, child in pending.items()},
+        )
+        for place in self._living.computing_long():
+            print(
+                f"etac: {pending[place].label} has been computing for {self._living.still[place].computing_s:.0f} s "
+                f"near simulated time {self._seconds():.6g} s; the run waits for it",
+                file=sys.stderr,
+            )
+        if places := self._living.standing_still():
+            manners = sorted({self._living.still[place].manner for place in places})
+            raise RunError(
+                "; ".join(pending[place].label for place in places),
+                f"has stood still for {self._plan.quiet_s:g} s near simulated time {self._seconds():.6g} s: "
+                + ", ".join(manners),
+                "every process of a run keeps going; a shorter pause only costs time",
+                "let it go on in time, or allow more with --quiet-s",
+            )
 
     def _listen(self, child: _Child) -> Outcome | None:
         outcome: Outcome | None = None
@@ -207,7 +277,7 @@ class Launcher:
         if not child.done and not child.process.is_alive():
             raise RunError(
                 child.label,
-                f"{_ending(child.process.exitcode)} near simulated time {self._seconds():.6g} s",
+                f"{_ending(child.process.exitcode)}{limits_in_force()} near simulated time {self._seconds():.6g} s",
                 "every node lives until the run is over",
                 "what had happened until then is in the bag",
             )
@@ -220,6 +290,9 @@ class Launcher:
         """End what still runs: the recorder last, since the others have things to tell it."""
         recorders = [child for child in self._children if RECORDER in child.names]
         others = [child for child in self._children if RECORDER not in child.names]
+        for child in self._children:
+            if child.process.is_alive():
+                os.kill(child.pid, signal.SIGCONT)  # who is stopped could neither save nor take what others have
         for group in (others, recorders):
             for child in group:
                 if child.process.is_alive():
@@ -234,29 +307,44 @@ class Launcher:
             child.pipe.close()
 
 
+@dataclass(frozen=True)
+class _Task:
+    """What a child process is for."""
+
+    plan: Plan
+    names: tuple[str, ...]
+    open_sink: Callable[[], Sink]
+    domain: int
+    patient: bool
+    supervised: Supervised
+
+
 def _ending(exitcode: int | None) -> str:
     if exitcode is not None and exitcode < 0:
         return f"was killed by {signal.Signals(-exitcode).name}"
     return f"ended with exit code {exitcode}"
 
 
-def _play(
-    plan: Plan, names: Sequence[str], open_sink: Callable[[], Sink], pipe: Connection, parent: int, patient: bool
-) -> None:
+def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
+    enter_launched_run(os.environ, task.domain, private=not task.patient)
+    label = f"node {', '.join(task.names)}"
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:
         _tell(pipe, "progress", (tick, dict(fired)))
 
     try:
-        outcome = Host(plan, names, open_sink, on_progress, parent, patient).run()
+        host = Host(task.plan, task.names, task.open_sink, on_progress, task.patient, task.supervised)
+        outcome = host.run()
     except EtacError as error:
         _tell(pipe, "fault", error)
         leave_process(1)
     except BaseException as error:
         text = traceback.format_exc()
-        _tell(pipe, "fault", RunError(f"node {', '.join(names)}", f"{type(error).__name__}: {error}\n{text}"))
+        refused = refused_by_system(error, label)
+        _tell(pipe, "fault", refused or RunError(label, f"{type(error).__name__}: {error}\n{text}"))
         leave_process(1)
+    task.supervised.signs.take_leave(task.supervised.place)
     _tell(pipe, "outcome", outcome)
     leave_process(0)
 

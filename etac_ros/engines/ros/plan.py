@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.topics import next_topic, truth_topic, window_topic
@@ -32,6 +33,8 @@ class Plan:
         Whether the bag also gets windows; they are not committed, so only for looking at the protocol.
     token
         Known to the processes of this run only; empty where they are started by hand, and know the digest only.
+    quiet_s
+        How long a node may owe an answer, or stand still, before it is reported [s].
     """
 
     scenario: str
@@ -40,6 +43,7 @@ class Plan:
     windows: WindowPolicy
     record_windows: bool = False
     token: str = ""
+    quiet_s: float = QUIET_S
 
     @cached_property
     def modules(self) -> tuple[str, ...]:
