@@ -11,6 +11,7 @@ import typer
 
 from etac_ros import __version__
 from etac_ros.cli.streams import hold_standard_streams
+from etac_ros.engines.ros.limits import refused_by_system
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, ScenarioError
 
@@ -282,6 +283,12 @@ def main() -> None:
     except EtacError as error:
         print(f"etac: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT if isinstance(error, ScenarioError) else FAILED_RUN)
+    except (MemoryError, ImportError, OSError) as error:
+        refused = refused_by_system(error, "this process")
+        if refused is None:
+            raise
+        print(f"etac: {refused}", file=sys.stderr)
+        sys.exit(FAILED_RUN)
     except KeyboardInterrupt:
         print("etac: interrupted; what had happened until then is in the bag", file=sys.stderr)
         sys.exit(INTERRUPTED)

@@ -22,7 +22,7 @@ from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.endpoints import Spinner
 from etac_ros.engines.ros.environment import may_keep_apart
 from etac_ros.engines.ros.limits import limits_in_force
-from etac_ros.engines.ros.liveness import FRESH_S, LifeSigns
+from etac_ros.engines.ros.liveness import LifeSigns, fresh_s
 from etac_ros.engines.ros.module_node import ModuleNode, PlantNode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import RecorderNode, Sink
@@ -55,6 +55,10 @@ def leave_process(code: int) -> NoReturn:
         with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
             stream.flush()
     os._exit(code)
+
+
+class EndedByOthers(RunError):
+    """A node ends because another has failed."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +236,7 @@ class Host:
             if node.has_left and node.deserted():
                 node.finished = True  # the end was told, and missed
             elif node.stop is not None and node.stop["fault"]:
-                raise RunError(f"node {node.name}", f"the run was ended: {node.stop['fault']}")
+                raise EndedByOthers(f"node {node.name}", f"the run was ended: {node.stop['fault']}")
             if node.started and node.stop is None and (gone := node.deserted()):
                 raise RunError(
                     f"node {', '.join(gone)}",
@@ -243,7 +247,7 @@ class Host:
 
     def _look_around(self) -> None:
         now = time.monotonic()
-        if now - self._last_round > FRESH_S:
+        if now - self._last_round > fresh_s(self._plan.quiet_s):
             self._excuse(now)  # this process itself was stopped, or has computed
         self._last_round = now
         if self._supervised is not None:
@@ -266,7 +270,7 @@ class Host:
             fault = (node.stop or {}).get("fault")
             # The recorder stays until nothing comes any more, the coordinator knows it anyway.
             if fault and not isinstance(node, CoordinatorNode | RecorderNode):
-                raise RunError(f"node {node.name}", f"the run was ended: {fault}")
+                raise EndedByOthers(f"node {node.name}", f"the run was ended: {fault}")
 
     def _excuse(self, now: float) -> None:
         """Nobody can be expected to have answered while a process of the run was stopped, or computed.

@@ -29,9 +29,9 @@ from typing import Any
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.environment import enter_launched_run
-from etac_ros.engines.ros.host import Host, Supervised, leave_process
+from etac_ros.engines.ros.host import EndedByOthers, Host, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
-from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, glimpse
+from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
@@ -145,8 +145,9 @@ class Launcher:
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
-        self._signs = LifeSigns(len(self._groups))
+        self._signs = LifeSigns(len(self._groups), fresh_s(plan.quiet_s))
         self._living = Watch(plan.quiet_s)
+        self._ended_by_others: EndedByOthers | None = None
         self._tick = 0
 
     def run(self) -> Outcome | None:
@@ -223,12 +224,13 @@ class Launcher:
             self._guard.check()
             for child in pending:
                 if child.pipe in ready or child.process.sentinel in ready:
-                    found = self._listen(child)
-                    if found is not None:
-                        outcome = found
-                        # Now all have left, with their counts. Who has not heard so need not be waited for.
-                        deadline = time.monotonic() + _END_S
+                    outcome = self._listen(child) or outcome
+            if math.isinf(deadline) and (outcome is not None or self._ended_by_others is not None):
+                # All have left, with their counts, or are about to. Who does not hear of it need not be waited for.
+                deadline = time.monotonic() + _END_S
             self._look_for_life()
+        if self._ended_by_others is not None:
+            raise self._ended_by_others
         if outcome is None and self._keeps_time:
             raise RunError("node " + COORDINATOR, "ended without an outcome")
         return outcome
@@ -268,7 +270,11 @@ class Launcher:
                 self._tick = content[0]
                 self._on_progress(*content)
             elif kind == "fault":
-                raise content
+                if not isinstance(content, EndedByOthers):
+                    raise content
+                # Who failed has a tale of its own, which may be on its way.
+                child.done = True
+                self._ended_by_others = content
             elif kind == "outcome":
                 child.done = True
                 outcome = content

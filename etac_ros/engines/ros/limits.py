@@ -15,6 +15,9 @@ _FILES_OF_A_NODE = 24
 _FILES_FOR_A_CHILD = 3
 """What the launcher keeps of each process: two ends of pipes, and one for the moment of starting it."""
 
+_NO_MEMORY = ("failed to map segment", "Cannot allocate memory", "bad_alloc")
+_NO_THREADS = ("can't start new thread", "pthread_create failed")
+
 
 def files_needed(processes: int, already_open: int) -> int:
     """Open files that the launcher, or a process that it forks, may come to at most."""
@@ -55,18 +58,27 @@ def refused_by_system(error: BaseException, doing: str) -> RunError | None:
     if code in (errno.EMFILE, errno.ENFILE):
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         return RunError(doing, f"no more files can be opened; the limit is {limit}", "", "`ulimit -n 1024`")
-    out_of_memory = isinstance(error, MemoryError) or code == errno.ENOMEM
-    if out_of_memory or code == errno.EAGAIN or "can't start new thread" in str(error):
-        what = "no memory is left" if out_of_memory else "no more processes or threads can be started"
+    text = str(error)
+    no_memory = isinstance(error, MemoryError) or code == errno.ENOMEM or any(word in text for word in _NO_MEMORY)
+    if isinstance(error, (ImportError, OSError)) and code is None:
+        no_memory |= _memory_limit() is not None  # what loads a library seldom says why it could not
+    no_threads = code == errno.EAGAIN or any(word in text for word in _NO_THREADS)
+    if no_memory or no_threads:
+        what = "no memory is left" if no_memory else "no more processes or threads can be started"
         return RunError(doing, f"{what}{limits_in_force()}", "", "raise the limit, or --processes one")
     return None
+
+
+def _memory_limit() -> int | None:
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def limits_in_force() -> str:
     """Limits under which a process may have died, as an addition to a sentence; empty if there are none."""
     found = []
-    memory = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if memory != resource.RLIM_INFINITY:
+    memory = _memory_limit()
+    if memory is not None:
         found.append(f"memory is limited to {memory // 2**20} MiB (ulimit -v)")
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if files != resource.RLIM_INFINITY and files < 256:

@@ -19,12 +19,20 @@ from typing import NamedTuple
 QUIET_S = 20.0
 """How long a node may stand still, or owe an answer, before it is reported. The one such setting: ``--quiet-s``."""
 LOOK_EVERY_S = 0.25
-FRESH_S = 1.0
-"""Loops come round twenty times a second; who has not for this long is at something else, or not at all."""
 
+_FRESH_S = 1.0
 _BUSY_SHARE = 0.1
 """Share of a core with which a process counts as computing, even if it is never caught running."""
 _SIZE = 8
+
+
+def fresh_s(quiet_s: float) -> float:
+    """For how long a sign of life counts as fresh [s].
+
+    Loops come round twenty times a second; who has not for this long is at something else, or stands still. It is
+    well below ``quiet_s``, so that who stands still is never taken for one who listens and owes an answer.
+    """
+    return min(_FRESH_S, quiet_s / 4)
 
 
 class LifeSigns:
@@ -34,12 +42,15 @@ class LifeSigns:
     ----------
     processes
         How many.
+    fresh_s
+        For how long a sign counts as fresh.
     """
 
-    def __init__(self, processes: int) -> None:
+    def __init__(self, processes: int, fresh_s: float) -> None:
         # An aligned number of eight bytes is written at once: nobody reads half of it.
         self._times = memoryview(mmap.mmap(-1, max(1, processes) * _SIZE)).cast("d")
         self._count = processes
+        self._fresh_s = fresh_s
 
     def give(self, process: int) -> None:
         """The loop of a process has come round."""
@@ -56,7 +67,7 @@ class LifeSigns:
     def all_fresh(self) -> bool:
         """Whether every process listens, or has taken leave: none computes, is blocked or stopped."""
         now = time.monotonic()
-        return all(now - self._times[process] < FRESH_S for process in range(self._count))
+        return all(now - self._times[process] < self._fresh_s for process in range(self._count))
 
 
 class Glimpse(NamedTuple):
