@@ -1,6 +1,9 @@
-"""A law that fails at its third command."""
+"""A law that fails at its third command, and a process that just ends."""
 
 from __future__ import annotations
+
+import os
+from typing import NoReturn
 
 from etac_ros.parameters import FloatArray, Parameters
 
@@ -21,3 +24,8 @@ class BrokenLaw:
         if self._commands > 2:
             raise RuntimeError("the law is broken")
         return -signal
+
+
+def leave(tell: object) -> NoReturn:
+    """End the process without a word."""
+    os._exit(3)

@@ -101,6 +101,31 @@ def test_the_environment_comes_before_that_of_a_parent(tmp_path: Path) -> None:
     assert lines == [f"{venv}/lib:{venv}/{libraries}:{inherited}", f"{venv}:{other}"]
 
 
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
+@pytest.mark.parametrize("writable", [True, False])
+def test_who_has_no_home_gets_one_or_is_told(writable: bool, tmp_path: Path) -> None:
+    script, folder = tmp_path / "scripts" / "setup", tmp_path / "tmp"
+    script.parent.mkdir()
+    script.write_text((ROOT / "scripts/setup").read_text())
+    folder.mkdir(mode=0o777)
+    folder.chmod(0o777 if writable else 0o555)
+    for parent in tmp_path.parents[:2]:
+        parent.chmod(0o755)
+    tmp_path.chmod(0o755)  # as the tree of another user: to be read, not to be written
+    done = subprocess.run(
+        ["bash", "-c", f'set -eu; source "{script}"; ros=wheels; enter; echo "$HOME"'],
+        env={"PATH": os.environ["PATH"], "TMPDIR": str(folder)},
+        user=12345, group=12345, extra_groups=[], cwd="/", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if writable:
+        assert done.stdout.strip() == str(folder / "etac_ros-12345"), done.stderr
+        assert (folder / "etac_ros-12345").stat().st_mode & 0o777 == 0o700
+    else:
+        assert done.returncode == 1
+        assert "there is no folder to write to" in done.stderr
+        assert "mkdir" not in done.stderr
+
+
 @pytest.mark.smoke
 def test_a_folder_of_somebody_else_is_not_touched(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").touch()

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from etac_ros.engines.ros.domain import take_domain
-from etac_ros.errors import RunError
+from etac_ros.errors import RunError, ScenarioError
 from etac_ros.metrics.summary import Summary
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
@@ -43,8 +43,28 @@ def test_free_domains_are_different() -> None:
 
 
 def test_a_domain_out_of_range_is_refused() -> None:
-    with pytest.raises(RunError, match="out of range"):
+    with pytest.raises(ScenarioError, match="out of range"):
         take_domain(232)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
+def test_a_lease_excludes_other_users_and_leaves_nothing_to_them() -> None:
+    def taken_by_somebody_else(domain: int) -> bool:
+        child = os.fork()
+        if child == 0:
+            os.setuid(65534)
+            try:
+                take_domain(domain)  # nobody releases it: the process ends
+            except RunError:
+                os._exit(1)
+            os._exit(0)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+    lease = take_domain()
+    assert not taken_by_somebody_else(lease.domain)
+    lease.release()
+    assert taken_by_somebody_else(lease.domain)
+    take_domain(lease.domain).release()
 
 
 def test_a_run_refuses_a_domain_in_use_before_it_starts(tmp_path: Path) -> None:

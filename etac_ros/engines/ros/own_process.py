@@ -23,6 +23,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from etac_ros.engines.ros import LOADED_BEFORE
 from etac_ros.engines.ros.environment import uses_another_dds
 from etac_ros.errors import EtacError, RunError
 
@@ -38,12 +39,13 @@ def is_needed() -> bool:
     return (
         threading.current_thread() is not threading.main_thread()
         or uses_another_dds(os.environ)  # rclpy is bound to a vendor when it is loaded
+        or LOADED_BEFORE  # by a program that may have used it, of which no trace need be left
         or _dds_is_at_work()
     )
 
 
 def _dds_is_at_work() -> bool:
-    """Whether rclpy has ever been initialised in this process: threads of Fast DDS stay, even after a shutdown."""
+    """Whether rclpy is in use in this process; some threads of Fast DDS stay even after a shutdown."""
     if "rclpy" not in sys.modules:
         return False
     for name in Path("/proc/self/task").glob("*/comm"):
