@@ -299,7 +299,7 @@ def run_over_ros(
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     for topic in (*recorded_topics(graph), *extra):
         schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
-    lease = take_domain(options.domain, shared=bool(graph.external) or options.only is not None)
+    lease = take_domain(options.domain)
     try:
         with SignalGuard() as guard:
             launcher = Launcher(

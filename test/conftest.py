@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hands import Start
 from hypothesis import settings
+
+from etac_ros.engines.ros.domain import DomainLease, take_domain
 
 # The same examples each time, and no limit on their time: a test fails only when the code is wrong.
 settings.register_profile("etac", deadline=None, derandomize=True, database=None, max_examples=60)
@@ -65,3 +71,42 @@ def small(tmp_path: Path) -> SmallScenario:
         return path
 
     return write
+
+
+@pytest.fixture
+def lease() -> Iterator[DomainLease]:
+    """A ROS domain of the test's own."""
+    lease = take_domain()
+    yield lease
+    lease.release()
+
+
+@pytest.fixture
+def start(tmp_path: Path, lease: DomainLease) -> Iterator[Start]:
+    """Starts a process in the domain; all are ended by the test."""
+    processes: list[subprocess.Popen[str]] = []
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    # A foreign node has the rmw layer's own transports; shared memory would outlive its end by kill().
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(lease.domain),
+        "PYTHONPATH": path,
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    }
+
+    def begin(*arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()

@@ -1,82 +1,18 @@
-"""Nodes started by hand, each in a process of its own: any order, the same scenario, foreign nodes welcome."""
+"""Nodes started by hand, each in a process of its own: any order, the same scenario."""
 
 from __future__ import annotations
 
 import os
 import signal
 import subprocess
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import pytest
+from hands import LIMIT_S, Start
 from toy import toy, trace
 
 from etac_ros.bag.read import read_bag
-from etac_ros.engines.ros.domain import DomainLease, take_domain
-from etac_ros.runs import RosOptions, run_in_process, run_over_ros
+from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
-
-Start = Callable[..., "subprocess.Popen[str]"]
-LIMIT_S = 90
-
-FOREIGN = """
-import rclpy
-from geometry_msgs.msg import Point32
-
-rclpy.init()
-node = rclpy.create_node("my_own_controller")
-publisher = node.create_publisher(Point32, "/torque_command", 10)
-k = 26.113821209155528
-
-
-def on_error(s):
-    publisher.publish(Point32(x=-k * s.x, y=-k * s.y, z=-k * s.z))
-
-
-node.create_subscription(Point32, "/filtered_error", on_error, 10)
-print("ready", flush=True)
-rclpy.spin(node)
-"""
-
-
-@pytest.fixture
-def lease() -> Iterator[DomainLease]:
-    """A ROS domain of the test's own."""
-    lease = take_domain()
-    yield lease
-    lease.release()
-
-
-@pytest.fixture
-def start(tmp_path: Path, lease: DomainLease) -> Iterator[Start]:
-    """Starts a process in the domain; all are ended by the test."""
-    processes: list[subprocess.Popen[str]] = []
-    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    # A foreign node has the rmw layer's own transports; shared memory would outlive its end by kill().
-    environment = {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(lease.domain),
-        "PYTHONPATH": path,
-        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
-    }
-
-    def begin(*arguments: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [sys.executable, *arguments],
-            cwd=tmp_path,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        processes.append(process)
-        return process
-
-    yield begin
-    for process in processes:
-        process.kill()
-        process.communicate()
 
 
 def node(start: Start, name: str, file: Path, *more: str) -> subprocess.Popen[str]:
@@ -152,17 +88,3 @@ def bag_appears(bag: Path, recorder: subprocess.Popen[str]) -> None:
             return
         os.sched_yield()
     raise AssertionError(recorder.communicate()[0])
-
-
-def test_a_foreign_controller_plays_along(tmp_path: Path, start: Start, lease: DomainLease) -> None:
-    script = tmp_path / "foreign.py"
-    script.write_text(FOREIGN)
-    foreign = start(str(script))
-    assert foreign.stdout is not None
-    assert foreign.stdout.readline().strip() == "ready"
-    lease.release()
-    scenario = load("wu2018", overrides=["duration_s=100", "controller.external=true"])
-    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(domain=lease.domain))
-    assert foreign.poll() is None
-    own = run_in_process(load("wu2018", overrides=["duration_s=100"]))
-    assert trace(run.recording) == trace(own.recording)

@@ -124,6 +124,7 @@ class CoordinatorNode(RunNode):
             Naming the nodes that owe an answer.
         """
         if not self.started:
+            self._begin_if_all_are_there()
             for words in self._foreign.misfits():
                 print(f"{self.name}: {words}", flush=True)
         elif self.stop is None:
@@ -249,7 +250,10 @@ class CoordinatorNode(RunNode):
                 f"node {name}", "is there twice in this ROS domain", "every node once",
                 "give each run a domain of its own",
             )  # fmt: skip
-        if len(self._greeted) == len(self.plan.nodes) and not self.started:
+        self._begin_if_all_are_there()
+
+    def _begin_if_all_are_there(self) -> None:
+        if len(self._greeted) == len(self.plan.nodes) and not self.started and self._foreign.fits():
             self.started = True
             self.begin_to_count()
             self._start.publish(self.note({"scenario": self.plan.scenario, "digest": self.plan.digest}))

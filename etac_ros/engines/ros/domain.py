@@ -86,15 +86,14 @@ def domain_of_environment(environment: Mapping[str, str]) -> int | None:
     return check_domain(domain, DOMAIN_VARIABLE)
 
 
-def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
+def take_domain(wanted: int | None = None) -> DomainLease:
     """Take a free domain.
 
     Parameters
     ----------
     wanted
-        The user's own choice; None takes the first free one.
-    shared
-        A wanted domain may be in use by others than runs: foreign nodes of this run wait there.
+        The user's own choice, which only another run may keep: foreign nodes, and tools that listen, are welcome.
+        None takes the first one that no program uses.
 
     Raises
     ------
@@ -105,7 +104,7 @@ def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
     """
     if wanted is not None:
         check_domain(wanted, "ROS domain")
-    busy = set() if wanted is not None and shared else _busy_domains()
+    busy = _busy_domains() if wanted is None else set()
     # Starting at a place of one's own keeps runs that start together from racing for the same domain.
     start = os.getpid() % len(DOMAINS)
     candidates = [wanted] if wanted is not None else [*DOMAINS[start:], *DOMAINS[:start]]
@@ -118,9 +117,9 @@ def take_domain(wanted: int | None = None, shared: bool = False) -> DomainLease:
     if wanted is not None:
         raise RunError(
             f"ROS domain {wanted}",
-            "is in use by another run or another ROS program on this machine",
+            "is in use by another run on this machine",
             "a domain of its own for each run",
-            f"leave --domain out and {DOMAIN_VARIABLE} unset to have a free one chosen, or end the other program",
+            f"leave --domain out and {DOMAIN_VARIABLE} unset to have a free one chosen, or end the other run",
         )
     raise RunError("ROS domains", f"none of {DOMAINS[0]} to {DOMAINS[-1]} is free", "a free domain")
 

@@ -53,6 +53,12 @@ class Foreign:
         """Whether all answers that were asked for have come."""
         return all(self._owed(link) <= 0 for link in self._answers)
 
+    def fits(self) -> bool:
+        """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
+        return all(
+            any(self._joins(link, end) for end in self._publishers(link)) for link in map(self._link, self._answers)
+        )
+
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
         if not self._is_time():
@@ -139,17 +145,23 @@ class Foreign:
             "exactly one message for each that it receives, and none by itself",
         )
 
+    def _publishers(self, link: Link) -> list[Any]:
+        return list(self._node.get_publishers_info_by_topic(link.topic))
+
+    def _joins(self, link: Link, end: Any) -> bool:
+        reliable = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
+        return reliable and end.topic_type == link.wire.type_name
+
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
         for link in map(self._link, self._answers):
-            for end in self._node.get_publishers_info_by_topic(link.topic):
-                qos = end.qos_profile
+            for end in self._publishers(link):
                 if end.topic_type != link.wire.type_name:
                     found.append(
                         f"{name_of(end)} publishes {end.topic_type} on {link.topic}; expected: {link.wire.type_name}"
                     )
-                elif qos.reliability is ReliabilityPolicy.BEST_EFFORT:
+                elif not self._joins(link, end):
                     found.append(f"{name_of(end)} offers best effort on {link.topic}; asked for: reliable")
         own = set(self._plan.nodes)
         for link in self._questions:
