@@ -164,7 +164,7 @@ def _signal(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatAr
     if not isinstance(module, Sensor):
         raise KeyError(SIGNAL)
     first, states = recording.samples(graph.reads[node])
-    return first, module.signal.evaluate(np.ascontiguousarray(states))
+    return first, module.formed(np.ascontiguousarray(states), first)
 
 
 def _hold_error(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatArray]:
