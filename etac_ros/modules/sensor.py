@@ -17,6 +17,7 @@ from etac_ros.maths.noise import normals, stream_key
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import noise_width_of
 from etac_ros.triggers.periodic import Periodic
 from etac_ros.triggers.rule import AnyRule
 
@@ -86,18 +87,18 @@ class Sensor(Module):
         rule: object = trigger
         if isinstance(rule, Periodic):
             self.role = Role(triggers="signal", every=rule.period)
-        self._plant = context.plant
+        self._senses = Component(context.name, context.plant)
         self._component = Component(context.name, signal)
         self.hold = Hold(self, "signal", trigger)
         self._noise = parameters.noise
         self._key = stream_key(context.seed, context.name)
         sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
         # Attitude and rate of each body that the plant measures.
-        bodies, rest = divmod(context.plant.noise_width, len(sigmas))
+        bodies, rest = divmod(noise_width_of(context.plant), len(sigmas))
         if self._noise.enters is not NoiseEnters.NOWHERE and (bodies == 0 or rest):
             raise ValueError(
                 f"noise is described for {len(sigmas)} deviates a sample (attitude and rate) of each body; "
-                f"the plant's sensors draw {context.plant.noise_width}"
+                f"the plant's sensors draw {noise_width_of(context.plant)}"
             )
         self._sigmas = np.tile(sigmas, bodies)
         period = 1.0 / context.ticks_per_second
@@ -179,8 +180,9 @@ class Sensor(Module):
         watched, sent = self._both(window.samples, window.start)
         if self._noise.enters is not NoiseEnters.NOWHERE:
             count = window.samples.shape[0]
-            errors = normals(self._key, window.start, count, self._plant.noise_width) * self._sigmas
-            noisy, noisy_sent = self._both(self._plant.measured(window.samples, errors), window.start)
+            errors = normals(self._key, window.start, count, self._sigmas.size) * self._sigmas
+            measured = self._senses.rows(count, window.samples.shape[1], "measured", window.samples, errors)
+            noisy, noisy_sent = self._both(measured, window.start)
             watched = noisy if self._noise.enters in (NoiseEnters.TRIGGER, NoiseEnters.BOTH) else watched
             sent = noisy_sent if self._noise.enters in (NoiseEnters.TRANSMITTED, NoiseEnters.BOTH) else sent
         if self._gain != 1.0:

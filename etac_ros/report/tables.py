@@ -183,7 +183,10 @@ def performance_table(view: View) -> Table:
                 figures.rate_deg_s,
                 figures.max_rate_deg_s,
             )
-            of_run[name] = (*(f"{number:.3g}" for number in numbers), f"{figures.energy_n2m2s:.4g}")
+            of_run[name] = (
+                *("" if number is None else f"{number:.3g}" for number in numbers),
+                f"{figures.energy_n2m2s:.4g}",
+            )
         found.append(of_run)
     columns = (
         "error at the end [deg]",
