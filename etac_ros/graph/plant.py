@@ -92,11 +92,15 @@ class PlantModule(Module):
         start = self.tick + 1
         if self._epoch == 0:
             start = 0
-            following = [self.plant.propagate(self.state, 0, length - 1, self.held)] if length > 1 else []
+            following = [self._propagated(0, length - 1)] if length > 1 else []
             samples = np.concatenate([self.state[np.newaxis, :], *following])
         else:
-            arguments = (self.state.copy(), self.tick, length, self.held.copy())
-        samples = self._component.rows(length, self.state.size, "propagate", *arguments)
+            samples = self._propagated(self.tick, length)
         self._epoch += 1
         self._window = Window(self.context.name, self._epoch, start, samples)
         return self._window
+
+    def _propagated(self, tick: int, count: int) -> FloatArray:
+        # Arrays of its own: a plant that works in place changes nobody's state.
+        arguments = (self.state.copy(), tick, count, self.held.copy())
+        return self._component.rows(count, self.state.size, "propagate", *arguments)
