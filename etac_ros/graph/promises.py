@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,20 @@ _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
 
 
+Probe = Callable[["Component", str, tuple[Any, ...], Mapping[str, Any]], Any]
+_PROBE: ContextVar[Probe | None] = ContextVar("probe", default=None)
+
+
+@contextmanager
+def probing(probe: Probe) -> Iterator[None]:
+    """While this lasts, every call of a component is made by the probe: it may ask twice."""
+    token = _PROBE.set(probe)
+    try:
+        yield
+    finally:
+        _PROBE.reset(token)
+
+
 class Component:
     """An object of a class that a scenario names, called with checks of what it returns.
 
@@ -27,11 +43,14 @@ class Component:
         Full name of the node that it is part of.
     owner
         The object.
+    named
+        The object that answers for it, where that is another, which it wraps.
     """
 
-    def __init__(self, node: str, owner: object) -> None:
+    def __init__(self, node: str, owner: object, named: object = None) -> None:
         self.node = node
         self.owner = owner
+        self.name = type(owner if named is None else named).__name__
 
     def call(self, method: str, *arguments: Any, **named: Any) -> Any:
         """What a method returns, unchecked.
@@ -41,13 +60,20 @@ class Component:
         BrokenPromise
             If it raises an exception that is none of etac_ros.
         """
+        probe = _PROBE.get()
+        if probe is not None:
+            return probe(self, method, arguments, named)
+        return self.plain_call(method, arguments, named)
+
+    def plain_call(self, method: str, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
+        """As :meth:`call`, whoever looks on."""
         function = getattr(self.owner, method)
         try:
             return function(*arguments, **named)
         except EtacError:
             raise
         except (Exception, SystemExit) as error:
-            raise failure(self.node, f"{type(self.owner).__name__}.{method}", error) from error
+            raise failure(self.node, f"{self.name}.{method}", error) from error
 
     def vector(self, size: int, method: str, *arguments: Any, **named: Any) -> FloatArray:
         """What a method returns, if it is a vector of a size, of numbers where it was given numbers."""
@@ -78,7 +104,7 @@ class Component:
 
     def broken(self, method: str, found: str, expected: str = "", remedy: str = "") -> BrokenPromise:
         """The error that names this object and a method of it."""
-        return BrokenPromise(self.node, f"{type(self.owner).__name__}.{method} {found}", expected, remedy)
+        return BrokenPromise(self.node, f"{self.name}.{method} {found}", expected, remedy)
 
     def takes(self, method: str, parameter: str) -> bool:
         """Whether a method has a parameter of a name: so a class says what it wants to be told."""

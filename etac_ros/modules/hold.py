@@ -36,14 +36,13 @@ class Hold:
         """When it was sent."""
         self._wire = module.wire(port)
         # The times around a rule are ours; it is the rule that gives its word.
-        self._rule = Component(module.context.name, rule)
-        self._rule_named = Component(module.context.name, getattr(rule, "rule", rule))
+        self._rule = Component(module.context.name, rule, getattr(rule, "rule", rule))
         self._memory: FloatArray | None = None
         self._before: tuple[int, FloatArray, FloatArray] | None = None
         if hasattr(rule, "fold"):
             initial = self._rule.call("initial_memory")
             shape = initial.shape if isinstance(initial, np.ndarray) and initial.ndim == 1 else (-1,)
-            self._memory = self._rule_named.array(shape, "initial_memory", initial)
+            self._memory = self._rule.array(shape, "initial_memory", initial)
 
     @property
     def has_memory(self) -> bool:
@@ -116,11 +115,11 @@ class Hold:
         # Most rules return an int at once: what else there may be is looked at where it matters.
         if type(found) is int and -1 <= found < count:
             return found
-        return self._rule_named.checked_index(count, "first", found)
+        return self._rule.checked_index(count, "first", found)
 
     def _fold(self, rows: FloatArray, tick: int, memory: FloatArray) -> tuple[Any, FloatArray]:
         found = self._rule.call("fold", rows, tick, self.sent, self.sent_tick, memory.copy())
-        named = self._rule_named
+        named = self._rule
         if not isinstance(found, tuple) or len(found) != 2:
             raise named.broken("fold", f"returned {shown(found)}", "(whether each sample fires, the memory after each)")
         fires, memories = found
