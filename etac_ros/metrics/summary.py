@@ -46,7 +46,9 @@ class Totals(_Model):
 
     messages: int
     deliveries: int = Field(description="messages that reached a receiver: a broadcast counts once for each")
-    payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
+    payload_bytes: int = Field(
+        description="components alone: 4 bytes of float32, as the papers count, 8 of float64; 0 on the emulation plane"
+    )
     cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
 
 
