@@ -103,6 +103,13 @@ def test_the_report_of_a_servo_shows_its_states(tmp_path: Path) -> None:
     assert "Euler" not in page
 
 
+def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path) -> None:
+    scenario = servo(tmp_path, [f"{node}={value}" for node, value in WATCHED.items()])
+    run_in_process(scenario, tmp_path / "bag")
+    page = write_report(tmp_path / "bag", [], None).read_text()
+    assert "What the trigger" in page or "signal" in page
+
+
 def test_times_around_a_rule_with_memory(tmp_path: Path) -> None:
     override = "sensor.trigger={class: 'ported:Dynamic', longest_silence_s: 0.2, least_interval_s: 0.05}"
     instants = run_in_process(servo(tmp_path, [override])).summary.triggers["/sensor"].times_s

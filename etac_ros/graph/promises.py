@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -133,16 +134,29 @@ def failure(where: str, called: str, error: BaseException, kind: type[EtacError]
     kind
         Class of what is returned.
     """
-    frames = [frame for frame in traceback.walk_tb(error.__traceback__) if not _is_ours(frame[0].f_code.co_filename)]
+    frames = _users_frames(error)
     who = frames[0][0].f_code.co_qualname if frames else called
-    text = f"{type(error).__name__}: {error}".rstrip(": ")
-    details = ""
-    if frames:
-        summary = traceback.StackSummary.extract(iter(frames))
-        details = "Traceback (most recent call last):\n" + "".join(summary.format()).rstrip() + f"\n{text}"
-    elif not isinstance(error, ValueError):  # a fault of etac_ros: its own traceback is what helps
+    details = users_traceback(error)
+    if not frames and not isinstance(error, ValueError):  # a fault of etac_ros: its own traceback is what helps
         details = "".join(traceback.format_exception(error)).rstrip()
-    return kind(where, f"{who} raised {text}", details=details)
+    return kind(where, f"{who} raised {_in_words(error)}", details=details)
+
+
+def users_traceback(error: BaseException) -> str:
+    """The part of a traceback that is not in etac_ros; empty where there is none."""
+    frames = _users_frames(error)
+    if not frames:
+        return ""
+    lines = traceback.StackSummary.extract(iter(frames)).format()
+    return "Traceback (most recent call last):\n" + "".join(lines).rstrip() + f"\n{_in_words(error)}"
+
+
+def _in_words(error: BaseException) -> str:
+    return "".join(traceback.format_exception_only(error)).rstrip()
+
+
+def _users_frames(error: BaseException) -> list[tuple[FrameType, int]]:
+    return [frame for frame in traceback.walk_tb(error.__traceback__) if not _is_ours(frame[0].f_code.co_filename)]
 
 
 def failed_in_etac_ros(error: BaseException) -> bool:

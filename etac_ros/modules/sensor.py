@@ -81,6 +81,8 @@ class Sensor(Module):
         if context.plant is None:
             raise ValueError("a sensor needs a plant, named by the key 'reads'")
         self._sends_other = hasattr(signal, "sent")
+        if self._sends_other and not hasattr(signal, "sent_size"):
+            raise ValueError(f"{type(signal).__name__} has 'sent' and no 'sent_size'")
         self.outputs = {"signal": signal.sent_size if hasattr(signal, "sent_size") else signal.size}
         self.signal = signal
         self.trigger = trigger

@@ -148,7 +148,8 @@ def traffic_table(view: View) -> Table:
         ("topic", *headings, "type"),
         tuple(rows),
         (
-            "Payload: 4 bytes a component of float32, as the papers count, 8 of float64. CDR: the serialized messages, as recorded.",
+            "Payload: 4 bytes a component of float32, as the papers count, 8 of float64. "
+            "CDR: the serialized messages, as recorded.",
             "The emulation plane carries what is light or torque in hardware, and the simulator's own; it is "
             "never added to the network. Only what the bag holds of it stands here.",
         ),

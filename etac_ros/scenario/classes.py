@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from etac_ros.errors import EtacError, ScenarioError
 from etac_ros.graph.module import Module
-from etac_ros.graph.promises import failed_in_etac_ros, failure
+from etac_ros.graph.promises import failed_in_etac_ros, failure, users_traceback
 from etac_ros.graph.role import Role
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
@@ -38,10 +38,12 @@ def import_class(path: str, where: str) -> type:
         raise ScenarioError(where, f"found '{path}'", "a class as package.module:Class")
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # a user's module can fail in any way at import
+    except (Exception, SystemExit) as error:  # a user's module can fail in any way at import
+        missing = isinstance(error, ImportError)
         raise ScenarioError(
             where, f"'{module_name}' cannot be imported ({type(error).__name__}: {error})", "",
-            "is its package installed in this environment, or its folder on PYTHONPATH?",
+            "is its package installed in this environment, or its folder on PYTHONPATH?" if missing else "",
+            "" if missing else users_traceback(error),
         ) from None  # fmt: skip
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
