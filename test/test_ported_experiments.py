@@ -48,6 +48,10 @@ WATCHED = {
 CASES: dict[str, tuple[list[str], int]] = {
     "servo": ([], 20),
     "servo, float64": (["wire=double"], 20),
+    "an armature that is late and sometimes fails": (
+        ["links.armature={delay_ticks: 3, loss: 0.2}", "sensor.trigger.longest_silence_s=0.1"],
+        20,
+    ),
     "dynamic rule": (["sensor.trigger={class: 'ported:Dynamic'}"], 20),
     "dynamic rule, at least every 0.2 s and no sooner than 0.05 s": (
         ["sensor.trigger={class: 'ported:Dynamic', longest_silence_s: 0.2, least_interval_s: 0.05}"],

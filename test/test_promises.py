@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from test_engines_equal import assert_same
 
-from etac_ros.errors import BrokenPromise, ScenarioError
+from etac_ros.errors import BrokenPromise, ProtocolError, ScenarioError
+from etac_ros.graph.driver import Driver
+from etac_ros.graph.module import Arrival, Window
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 
@@ -144,6 +146,22 @@ def message_of(path: Path) -> str:
 def test_a_class_that_cannot_be_built_is_named(replacement: tuple[str, str], parts: list[str], small: Small) -> None:
     message = message_of(small(replacement))
     assert in_order(parts, message), message
+
+
+@pytest.mark.parametrize("tick", [4, 10])
+def test_a_tick_whose_sample_is_not_there_is_refused(tick: int, small: Small) -> None:
+    # Negative places would silently give another sample.
+    driver = Driver(load(str(small())).build(), "/sensor")
+    driver.see(Window("/plant", 1, 0, np.ones((5, 7))))
+    driver.see(Window("/plant", 2, 5, np.ones((5, 7))))
+    with pytest.raises(ProtocolError, match=rf"node /sensor: is to act at tick {tick}, .*\n.*from 5 to 9"):
+        driver.fire(tick)
+
+
+def test_a_message_of_another_size_names_its_sender(small: Small) -> None:
+    driver = Driver(load(str(small())).build(), "/actuator")
+    with pytest.raises(ProtocolError, match=r"node /controller: has sent 4 components to /actuator:command, on link"):
+        driver.receive(None, (Arrival("command", "command", np.zeros(4)),))
 
 
 def test_flags_of_old_are_refused_with_what_to_write() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from etac_ros.errors import ProtocolError
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Module, Window
 from etac_ros.graph.promises import Component, are_finite, shown
@@ -37,7 +38,9 @@ class Driver:
         self.window: Window | None = None
         self._links = graph.sends[name]
         self._connected = {link.port for link in self._links}
+        self._senders = {link.name: link.sender for link in graph.hears[name]}
         self._component = Component(name, self.module)
+        self._wires = {port: self.module.wire(port) for port in self.module.outputs}
         self._advanced = -1
 
     def see(self, window: Window) -> None:
@@ -75,14 +78,20 @@ class Driver:
 
     def conclude(self, tick: int) -> Sent:
         """Let a module conclude that fired where nothing arrives."""
-        return self.receive(tick, ())
+        role = self.module.role
+        expected = None if role.fires_on is None else self._connected.intersection((role.triggers,))
+        return self._received(tick, (), expected)
 
     def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
+        return self._received(tick, arrivals, self._connected if self.module.answers else None)
+
+    def _received(self, tick: int | None, arrivals: tuple[Arrival, ...], expected: set[str] | None) -> Sent:
+        for arrival in arrivals:
+            self._check_size(arrival)
         # Likewise: a value goes to several receivers.
         own = tuple(replace(arrival, value=arrival.value.copy()) for arrival in arrivals)
         given: tuple[Any, ...] = tuple(arrival.value for arrival in arrivals)
-        expected = self._connected if self.module.answers else None
         sample = None
         if tick is not None and self.window is not None:
             sample = self._sample(tick)
@@ -96,7 +105,26 @@ class Driver:
             self._advanced = tick
 
     def _sample(self, tick: int) -> FloatArray | None:
-        return None if self.window is None else self.window.at(tick)
+        window = self.window
+        if window is None:
+            return None
+        if not window.start <= tick <= window.last:
+            raise ProtocolError(
+                f"node {self.name}",
+                f"is to act at tick {tick}, whose sample is not in its window of {window.plant}",
+                f"a tick from {window.start} to {window.last}",
+            )
+        return window.at(tick)
+
+    def _check_size(self, arrival: Arrival) -> None:
+        """Refuse a message of another size; only a foreign node can send one."""
+        size = self.module.inputs[arrival.port]
+        if arrival.value.shape != (size,):
+            raise ProtocolError(
+                f"node {self._senders[arrival.link]}",
+                f"has sent {arrival.value.size} components to {self.name}:{arrival.port}, on link {arrival.link}",
+                f"{size} components",
+            )
 
     def _sent(self, method: str, outputs: Any, given: tuple[Any, ...], expected: set[str] | None) -> Sent:
         """What goes out on each link: checked, and rounded to the wire.
@@ -125,7 +153,7 @@ class Driver:
                 raise self._component.broken(method, f"names the port {port!r}", f"one of {ports}")
             where = f"{method}, port '{port}',"
             array = self._component.array((self.module.outputs[port],), where, value)
-            rounded[port] = self.module.wire(port).rounded(array)
+            rounded[port] = self._wires[port].rounded(array)
             if not np.isfinite(rounded[port]).all() and are_finite(given):
                 raise self._component.broken(where, f"sends {array.tolist()}", "finite numbers on the wire")
         if expected is not None and not self.module.halt and self._connected.intersection(rounded) != expected:
