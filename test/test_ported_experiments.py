@@ -111,7 +111,7 @@ def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path) -> Non
     scenario = servo(tmp_path, [f"{node}={value}" for node, value in WATCHED.items()])
     run_in_process(scenario, tmp_path / "bag")
     page = write_report(tmp_path / "bag", [], None).read_text()
-    assert "What the trigger" in page or "signal" in page
+    assert "What the trigger rule is shown at every tick" in page
 
 
 def test_times_around_a_rule_with_memory(tmp_path: Path) -> None:
