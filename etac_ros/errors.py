@@ -16,23 +16,28 @@ class EtacError(Exception):
         What should have stood there.
     remedy
         What to do about it.
+    details
+        What stands below all that: the traceback of a class that a scenario names, for the person who wrote it.
     """
 
-    def __init__(self, where: str, found: str, expected: str = "", remedy: str = "") -> None:
+    def __init__(self, where: str, found: str, expected: str = "", remedy: str = "", details: str = "") -> None:
         self.where = where
         self.found = found
         self.expected = expected
         self.remedy = remedy
+        self.details = details
         parts = [f"{where}: {found}"]
         if expected:
             parts.append(f"  expected: {expected}")
         if remedy:
             parts.append(f"  to mend it: {remedy}")
+        if details:
+            parts.append(details)
         super().__init__("\n".join(parts))
 
-    def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
+    def __reduce__(self) -> tuple[type, tuple[str, str, str, str, str]]:
         # Errors cross process borders; the default would hand __init__ the joined text only.
-        return type(self), (self.where, self.found, self.expected, self.remedy)
+        return type(self), (self.where, self.found, self.expected, self.remedy, self.details)
 
 
 class ScenarioError(EtacError):
@@ -45,6 +50,10 @@ class ProtocolError(EtacError):
 
 class RunError(EtacError):
     """A run that had begun could not be finished."""
+
+
+class BrokenPromise(RunError):
+    """A class that a scenario names did not keep the contract of its module, or raised an exception."""
 
 
 class RunHalted(RunError):

@@ -28,7 +28,7 @@ WIRES = {
     "vector": Wire(WireFormat.STAMPED, 3),
     "quaternion": Wire(WireFormat.STAMPED, 4),
     "wrench": Wire(WireFormat.STAMPED, 6),
-    "doubles": Wire(WireFormat.EXACT, 3),
+    "doubles": Wire(WireFormat.DOUBLE, 3),
 }
 TYPES = sorted({wire.type_name for wire in WIRES.values()})
 LINKS = [TopicDescription(f"/{name}", wire.type_name, "network", name) for name, wire in WIRES.items()]

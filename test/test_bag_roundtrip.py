@@ -30,7 +30,7 @@ WIRES = {
     "vector": Wire(WireFormat.STAMPED, 3),
     "quaternion": Wire(WireFormat.STAMPED, 4),
     "wrench": Wire(WireFormat.STAMPED, 6),
-    "doubles": Wire(WireFormat.EXACT, 3),
+    "doubles": Wire(WireFormat.DOUBLE, 3),
 }
 KINDS = list(LinkKind)
 PLANTS = ("/plant", "/sm/plant")

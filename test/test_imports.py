@@ -29,6 +29,7 @@ FLOORS = [
     "scenario",
     "metrics",
     "runs",
+    "check",
     "report",
     "sweep",
     "reproduce",

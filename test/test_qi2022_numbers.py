@@ -11,9 +11,10 @@ from hypothesis import HealthCheck, settings
 
 from etac_ros.errors import ScenarioError
 from etac_ros.laws.law import Signal
+from etac_ros.modules.sensor import Sensor
 from etac_ros.plants.plant import Plant
 from etac_ros.plants.pm_sm import PmSm, PmSmParameters
-from etac_ros.scenario.classes import import_class, validated
+from etac_ros.scenario.classes import component, import_class, interface, parameters_of, validated
 from etac_ros.scenario.document import Tree, read_sections, with_variant
 from etac_ros.triggers.rule import TriggerRule
 
@@ -39,12 +40,14 @@ def sections(variant: str | None = None) -> Tree:
     return tree if variant is None else with_variant(tree, variant, str(_FILE), tree["/**"])
 
 
-def made(component: tuple[str, str], variant: str | None = None, changes: Mapping[str, Any] | None = None) -> Any:
+def made(part: tuple[str, str], variant: str | None = None, changes: Mapping[str, Any] | None = None) -> Any:
     """A component of the scenario file, built as the scenario loader builds it."""
-    node, key = component
+    node, key = part
     values = {**sections(variant)[node][key], **(changes or {})}
     kind: Any = import_class(values.pop("class"), f"{node}.{key}.class")
-    return kind(validated(kind.Parameters, values, f"{node}.{key}"), TICKS_PER_SECOND)
+    wanted = interface(Sensor, "trigger") if key == "trigger" else ()
+    where = f"{node}.{key}"
+    return component(kind, wanted, validated(parameters_of(kind, wanted), values, where), TICKS_PER_SECOND, where)
 
 
 def plant_parameters(variant: str | None = None, **changes: Any) -> PmSmParameters:
@@ -165,18 +168,18 @@ def test_the_printed_sign_of_the_gains_is_refused_with_the_reason(component: tup
 
 
 def test_a_heartbeat_is_a_whole_number_of_ticks() -> None:
-    with pytest.raises(ValueError, match="no whole number of ticks"):
+    with pytest.raises(ScenarioError, match="no whole number of ticks"):
         made(TRIGGER, None, {"longest_silence_s": 0.12})
 
 
 @pytest.mark.parametrize(
-    ("protocol", "component"),
+    ("protocol", "part"),
     [(Plant, PLANT), (TriggerRule, TRIGGER), (Signal, ("/pm/attitude_sensor", "signal"))],
 )
-def test_nothing_of_a_protocol_is_missing(protocol: type, component: tuple[str, str]) -> None:
+def test_nothing_of_a_protocol_is_missing(protocol: type, part: tuple[str, str]) -> None:
     members = {name for name in (*protocol.__annotations__, *vars(protocol)) if not name.startswith("_")}
     assert members
-    assert [name for name in sorted(members) if not hasattr(made(component), name)] == []
+    assert [name for name in sorted(members) if not hasattr(made(part), name)] == []
 
 
 def test_the_plant_offers_what_the_modules_ask_for() -> None:

@@ -1,5 +1,7 @@
 """The trigger rule of qi2022's eq. (11), with and without a heartbeat."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,11 +11,16 @@ from test_qi2022_numbers import SM_LAW, TICKS_PER_SECOND, TRIGGER, made, patient
 
 from etac_ros.parameters import FloatArray
 from etac_ros.triggers.state_relative import StateRelativeThreshold, StateRelativeThresholdParameters
+from etac_ros.triggers.timing import RuleTiming, timed
 
 
-def _rule(delta: float = 1.0, epsilon: float = 2.0, silence: float | None = None) -> StateRelativeThreshold:
-    parameters = StateRelativeThresholdParameters(delta=delta, epsilon=epsilon, longest_silence_s=silence)
+def _rule(delta: float = 1.0, epsilon: float = 2.0) -> StateRelativeThreshold:
+    parameters = StateRelativeThresholdParameters(delta=delta, epsilon=epsilon)
     return StateRelativeThreshold(parameters, TICKS_PER_SECOND)
+
+
+def _beating(silence: float) -> Any:
+    return timed(_rule(), RuleTiming(longest_silence_s=silence), TICKS_PER_SECOND)
 
 
 def _row(tau: list[float], omega: list[float], q: list[float]) -> FloatArray:
@@ -68,7 +75,7 @@ def test_the_rule_has_no_scale_of_its_own(rows: FloatArray, held: FloatArray, ex
 @given(rows=signals, held=vectors, split=st.integers(0, 12))
 @patient
 def test_windows_do_not_matter(rows: FloatArray, held: FloatArray, split: int) -> None:
-    rule = _rule(silence=0.3)
+    rule = _beating(0.3)
     whole = rule.first(rows, 100, held, 98)
     split = min(split, rows.shape[0])
     first = rule.first(rows[:split], 100, held, 98)
@@ -84,15 +91,10 @@ def test_heartbeat_fires_in_time_and_never_delays(
     rows: FloatArray, held: FloatArray, tick: int, since: int, silence: int
 ) -> None:
     plain = _rule().first(rows, tick, held)
-    beating = _rule(silence=silence / TICKS_PER_SECOND).first(rows, tick, held, tick - since)
+    beating = _beating(silence / TICKS_PER_SECOND).first(rows, tick, held, tick - since)
     due = max(0, silence - since)
     expected = [index for index in (plain, due) if 0 <= index < rows.shape[0]]
     assert beating == (min(expected) if expected else -1)
-
-
-def test_a_heartbeat_needs_to_know_when_it_last_fired() -> None:
-    with pytest.raises(ValueError, match="tick of the last transmission"):
-        _rule(silence=1.0).first(np.ones((1, 9)), 0, np.zeros(3))
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:

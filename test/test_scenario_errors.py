@@ -233,10 +233,10 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
         SIGNAL.replace("network", "netwerk"),
         ['/**.links.signal.kind: found "netwerk"', "'network', 'internal' or 'physical'"],
     ),
-    "the emulation plane's wire": (
+    "unknown wire": (
         "seed: 3",
         "wire: exact",
-        ['/**.wire: found "exact"', "'compact' or 'stamped'"],
+        ['/**.wire: found "exact"', "'compact', 'stamped' or 'double'"],
     ),
     "a delay that is no whole number of ticks": (
         SIGNAL,
@@ -321,9 +321,10 @@ def test_every_fault_is_reported(small: Small) -> None:
 
 WIDE = """
 from etac_ros.graph.module import Module
+from etac_ros.graph.role import Acts, Role
 
 class Answer(Module):
-    answers = True
+    role = Role(Acts.AT_ONCE)
     SIZES = 3, 3
 
     def __init__(self, context, parameters):

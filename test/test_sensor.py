@@ -179,7 +179,7 @@ def test_what_is_held_is_what_was_sent() -> None:
     cell.see(shown(0, TICKS, 0))
     assert cell.look(-1) == 0
     _, sent = fire(cell, 0)
-    held = cell.module.held  # type: ignore[attr-defined]
+    held = cell.module.hold.sent  # type: ignore[attr-defined]
     assert held.tobytes() == sent
     assert np.array_equal(held, held.astype(np.float32).astype(np.float64))
 

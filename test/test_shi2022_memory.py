@@ -174,12 +174,12 @@ def test_an_order_to_fire_at_another_tick_has_the_torque_of_that_tick() -> None:
 def test_held_is_what_was_sent() -> None:
     module = controller("busy")
     window = shown("busy", 0, 10, 0)
-    assert module.held is None
+    assert module.hold.sent is None
     assert module.scan(window, -1) == 0
     module.advance(0, window)
     sent = module.fire(0, window.at(0))["command"]
-    assert module.held is sent
-    assert module.held_tick == 0
+    assert module.hold.sent is sent
+    assert module.hold.sent_tick == 0
     assert module.held_by(sent, 0) is sent
     assert sent.tolist() == sent.astype(np.float32).tolist()
 
@@ -234,8 +234,8 @@ def test_at_the_tick_that_ends_the_run_nothing_is_sent() -> None:
     assert not module.halt
     assert module.fire(last, window.at(last)) == {}
     assert module.halt
-    assert module.held is not None
-    assert module.held.tobytes() == fired[-1][1]
+    assert module.hold.sent is not None
+    assert module.hold.sent.tobytes() == fired[-1][1]
 
 
 def test_saturated_bounds_end_nothing() -> None:

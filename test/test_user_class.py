@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.errors import ScenarioError
+from etac_ros.errors import BrokenPromise, ScenarioError
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
@@ -30,6 +30,7 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from etac_ros.graph.module import Module
+from etac_ros.graph.role import Acts, Role
 from etac_ros.parameters import Parameters
 
 
@@ -117,7 +118,7 @@ class Pull:
 class Wheel(Module):
     """An actuator that forgets a tenth; it names no Parameters, and has those of every module: none."""
 
-    answers = True
+    role = Role(Acts.AT_ONCE)
 
     def __init__(self, context, parameters):
         super().__init__(context)
@@ -129,6 +130,7 @@ class Wheel(Module):
 ''',
     "wrong.py": """
 from etac_ros.graph.module import Module
+from etac_ros.graph.role import Acts, Role
 from etac_ros.parameters import Parameters
 
 
@@ -343,7 +345,7 @@ def test_package_that_is_not_on_the_path(own: Path, package: Path) -> None:
 
 
 def test_own_sensor_without_fire_names_itself(own: Path, package: Path) -> None:
-    # scan() without fire() is a programming error: it is no fault of the scenario, and says whose it is.
+    # scan() without fire() is a programming error, found in the run.
     (package / "half.py").write_text(
         "from etac_ros.graph.module import Module\n"
         "class Half(Module):\n"
@@ -357,5 +359,5 @@ def test_own_sensor_without_fire_names_itself(own: Path, package: Path) -> None:
     start = text.index("    signal: {class")
     end = text.index("/spin:\n")
     own.write_text(text[:start].replace("module: sensor", f'module: "{PACKAGE}.half:Half"') + text[end:])
-    with pytest.raises(NotImplementedError, match=r"Half names ticks in scan\(\) but has no fire\(\)"):
+    with pytest.raises(BrokenPromise, match=r"/sensor: .*Half names ticks in scan\(\) but has no fire\(\)"):
         InProcess(load(str(own)).build()).run()

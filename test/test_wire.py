@@ -13,8 +13,8 @@ from hypothesis.extra.numpy import arrays
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray
 
-COMPACT, STAMPED, EXACT = WireFormat.COMPACT, WireFormat.STAMPED, WireFormat.EXACT
-SIZES = {COMPACT: range(1, 13), STAMPED: (3, 4, 6), EXACT: range(1, 13)}
+COMPACT, STAMPED, DOUBLE = WireFormat.COMPACT, WireFormat.STAMPED, WireFormat.DOUBLE
+SIZES = {COMPACT: range(1, 13), STAMPED: (3, 4, 6), DOUBLE: range(1, 13)}
 WIRES = [Wire(kind, size) for kind, sizes in SIZES.items() for size in sizes]
 wires = st.sampled_from(WIRES)
 values = st.lists(st.floats(-1e30, 1e30), min_size=12, max_size=12).map(np.array)
@@ -36,7 +36,7 @@ def test_rounding_twice_is_rounding_once(wire: Wire, value: FloatArray) -> None:
 def test_compact_is_float32_and_the_others_keep_every_bit(value: FloatArray) -> None:
     assert Wire(COMPACT, 12).rounded(value).tolist() == [float(np.float32(x)) for x in value]
     assert Wire(STAMPED, 6).rounded(value[:6]).tobytes() == value[:6].tobytes()
-    assert Wire(EXACT, 12).rounded(value).tobytes() == value.tobytes()
+    assert Wire(DOUBLE, 12).rounded(value).tobytes() == value.tobytes()
 
 
 @given(arrays(np.float64, (12, 2), elements=st.floats(-1.0, 1.0)), wires)
@@ -50,15 +50,16 @@ def test_a_rounded_value_is_no_view_of_the_old(value: FloatArray, wire: Wire) ->
 
 
 @pytest.mark.parametrize("wire", WIRES, ids=name)
-def test_payload_is_four_bytes_a_component(wire: Wire) -> None:
-    assert wire.payload_bytes == 4 * wire.size
+def test_payload_is_the_bytes_of_the_components(wire: Wire) -> None:
+    # What a message of one component more costs more: 4 bytes of float32, 8 of float64.
+    assert wire.payload_bytes == (4 if wire.format is COMPACT else 8) * wire.size
 
 
 @pytest.mark.parametrize(
     ("wire", "type_name", "cdr_bytes"),
     [
         (Wire(COMPACT, 3), "geometry_msgs/msg/Point32", 16),
-        (Wire(EXACT, 3), "geometry_msgs/msg/Vector3", 28),
+        (Wire(DOUBLE, 3), "geometry_msgs/msg/Vector3", 28),
         (Wire(STAMPED, 3), "geometry_msgs/msg/Vector3Stamped", 44),
         (Wire(STAMPED, 6), "geometry_msgs/msg/WrenchStamped", 68),
         # A Float32MultiArray of three is 28 bytes: 12 of numbers and 16 of everything else.
@@ -87,5 +88,5 @@ def test_cdr_sizes_are_those_of_ros(wire: Wire) -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 5, 7, 12])
 def test_stamped_carries_three_four_or_six(size: int) -> None:
-    with pytest.raises(ValueError, match=rf"carries {size} components \(only \[3, 4, 6\]\); use wire: compact"):
+    with pytest.raises(ValueError, match=rf"carries {size} components \(only \[3, 4, 6\]\); use wire: double"):
         Wire(STAMPED, size)

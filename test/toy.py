@@ -13,6 +13,7 @@ import yaml
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.role import Acts, Role
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.load import Scenario, load
@@ -71,7 +72,7 @@ class Scripted(Module):
     """Acts at scripted ticks, or once its ramp is above a bound that grows with what it has heard."""
 
     Parameters = ScriptedParameters
-    triggers = "said"
+    role = Role(triggers="said")
 
     def __init__(self, context: Context, parameters: ScriptedParameters) -> None:
         super().__init__(context)
@@ -105,7 +106,7 @@ class Scripted(Module):
 class Brake(Module):
     """Answers whatever it hears with a push of -0.5."""
 
-    answers = True
+    role = Role(Acts.AT_ONCE)
 
     def __init__(self, context: Context, parameters: Parameters) -> None:
         super().__init__(context)

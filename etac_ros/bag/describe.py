@@ -11,7 +11,7 @@ from etac_ros.bag.codec import decode
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.topics import TopicDescription, TopicKind
 from etac_ros.errors import BagError
-from etac_ros.graph.wire import PAYLOAD_BYTES_A_COMPONENT
+from etac_ros.graph.wire import bytes_a_component
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def describe(directory: Path) -> BagDescription:
             except ValueError as error:
                 where = f"{bag.path}: {message.topic.name}"
                 raise BagError(where, f"message {message.sequence}: {error}") from None
-            payload[message.topic] += PAYLOAD_BYTES_A_COMPONENT * size
+            payload[message.topic] += bytes_a_component(message.topic.type_name) * size
     rows = tuple(
         TopicRow(
             topic.name,

@@ -188,6 +188,22 @@ def tradeoff(
 
 
 @app.command()
+def check(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    ticks: Annotated[int, typer.Option(min=1, help="How far, at most.")] = 4000,
+) -> None:
+    """Look for classes with hidden state, and for results that depend on windows; exit code 1 if there are any."""
+    from etac_ros.cli.check import check_and_show
+    from etac_ros.cli.show import make_console
+    from etac_ros.scenario.load import load
+
+    if not check_and_show(load(scenario, variant, set_ or ()), ticks, make_console()):
+        raise typer.Exit(FAILED_RUN)
+
+
+@app.command()
 def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -> None:
     """Print the complete parameter file of a run, for nodes that are started by hand."""
     from etac_ros.scenario.load import load

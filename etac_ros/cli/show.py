@@ -152,12 +152,11 @@ def _performance(summary: Summary) -> Table:
         for name, figures in summary.baseline.performance.items():
             runs[f"{name}, {summary.baseline.variant}"] = figures
     for name, figures in runs.items():
+        errors = figures.attitude_error_deg, figures.max_attitude_error_deg
+        pointing = (*errors, figures.rate_deg_s, figures.max_rate_deg_s)
         table.add_row(
             name,
-            f"{figures.attitude_error_deg:.3g}",
-            f"{figures.max_attitude_error_deg:.3g}",
-            f"{figures.rate_deg_s:.3g}",
-            f"{figures.max_rate_deg_s:.3g}",
+            *("" if number is None else f"{number:.3g}" for number in pointing),
             f"{figures.energy_n2m2s:.4g}",
         )
     table.caption = f"* from {summary.steady_from_s:g} s on"

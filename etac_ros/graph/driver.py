@@ -1,9 +1,21 @@
-"""A module together with the window it looks at: the bookkeeping that both engines need alike."""
+"""A module together with the window it looks at: what both engines need alike, and the checks of a module's word.
+
+All that a module is told and all that it says passes here, in both engines. So this is where its promises are checked
+and where its values are rounded to the wire.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from etac_ros.errors import ProtocolError
 from etac_ros.graph.graph import Graph, Link
-from etac_ros.graph.module import Arrival, Module, Outputs, Window
+from etac_ros.graph.module import Arrival, Module, Window
+from etac_ros.graph.promises import Component, are_finite, shown
 from etac_ros.parameters import FloatArray
 
 Sent = list[tuple[Link, FloatArray]]
@@ -25,40 +37,128 @@ class Driver:
         self.module: Module = graph.modules[name]
         self.window: Window | None = None
         self._links = graph.sends[name]
+        self._connected = {link.port for link in self._links}
+        self._senders = {link.name: link.sender for link in graph.hears[name]}
+        self._component = Component(name, self.module)
+        self._wires = {port: self.module.wire(port) for port in self.module.outputs}
         self._advanced = -1
 
     def see(self, window: Window) -> None:
         """Take a new window; everything before its start is committed."""
         self._advance(window.start - 1)
-        self.window = window
+        # An array of its own: nobody else's samples change where a class works in place.
+        self.window = replace(window, samples=window.samples.copy())
 
     def look(self, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself."""
-        return self.module.scan(self.window, after)
+        found = self._component.call("scan", self.window, after)
+        if found is None:
+            return None
+        last = None if self.window is None else self.window.last
+        whole = isinstance(found, int | np.integer) and not isinstance(found, bool)
+        if not whole or found <= after or (last is not None and found > last):
+            until = "" if last is None else f" and no later than {last}, the window's last"
+            raise self._component.broken(
+                "scan", f"returned {shown(found)}", f"a tick later than {after}{until}, as an int; or None"
+            )
+        return int(found)
 
     def fire(self, tick: int) -> Sent:
         """Let the module act by itself."""
+        sample = self._sample(tick)
         self._advance(tick)
-        return self._named(self.module.fire(tick, self._sample(tick)))
+        outputs = self._component.call("fire", tick, sample)
+        role = self.module.role
+        expected = None
+        if role.fires_on is not None:
+            expected = self._connected.intersection(role.fires_on)
+        elif role.every is not None:
+            expected = self._connected
+        return self._sent("fire", outputs, (sample,), expected)
 
     def conclude(self, tick: int) -> Sent:
         """Let a module conclude that fired where nothing arrives."""
-        return self.receive(tick, ())
+        role = self.module.role
+        expected = None if role.fires_on is None else self._connected.intersection((role.triggers,))
+        return self._received(tick, (), expected)
 
     def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
-        if tick is None or self.window is None:
-            return self._named(self.module.receive(tick, arrivals, None))
-        self._advance(tick)
-        return self._named(self.module.receive(tick, arrivals, self._sample(tick)))
+        return self._received(tick, arrivals, self._connected if self.module.answers else None)
+
+    def _received(self, tick: int | None, arrivals: tuple[Arrival, ...], expected: set[str] | None) -> Sent:
+        for arrival in arrivals:
+            self._check_size(arrival)
+        # Likewise: a value goes to several receivers.
+        own = tuple(replace(arrival, value=arrival.value.copy()) for arrival in arrivals)
+        given: tuple[Any, ...] = tuple(arrival.value for arrival in arrivals)
+        sample = None
+        if tick is not None and self.window is not None:
+            sample = self._sample(tick)
+            self._advance(tick)
+        outputs = self._component.call("receive", tick, own, sample)
+        return self._sent("receive", outputs, (*given, sample), expected)
 
     def _advance(self, tick: int) -> None:
         if self.window is not None and tick > self._advanced:
-            self.module.advance(tick, self.window)
+            self._component.call("advance", tick, self.window)
             self._advanced = tick
 
     def _sample(self, tick: int) -> FloatArray | None:
-        return None if self.window is None else self.window.at(tick)
+        window = self.window
+        if window is None:
+            return None
+        if not window.start <= tick <= window.last:
+            raise ProtocolError(
+                f"node {self.name}",
+                f"is to act at tick {tick}, whose sample is not in its window of {window.plant}",
+                f"a tick from {window.start} to {window.last}",
+            )
+        return window.at(tick)
 
-    def _named(self, outputs: Outputs) -> Sent:
-        return [(link, outputs[link.port]) for link in self._links if link.port in outputs]
+    def _check_size(self, arrival: Arrival) -> None:
+        """Refuse a message of another size; only a foreign node can send one."""
+        size = self.module.inputs[arrival.port]
+        if arrival.value.shape != (size,):
+            raise ProtocolError(
+                f"node {self._senders[arrival.link]}",
+                f"has sent {arrival.value.size} components to {self.name}:{arrival.port}, on link {arrival.link}",
+                f"{size} components",
+            )
+
+    def _sent(self, method: str, outputs: Any, given: tuple[Any, ...], expected: set[str] | None) -> Sent:
+        """What goes out on each link: checked, and rounded to the wire.
+
+        Parameters
+        ----------
+        method
+            That has returned it.
+        outputs
+            What it has returned.
+        given
+            What it was given: out of what is no number may come what is no number.
+        expected
+            The connected ports on which the role has promised a message, and no others; None for no such promise.
+        """
+        if not isinstance(outputs, Mapping):
+            raise self._component.broken(
+                method, f"returned {shown(outputs)}", "a dict of arrays by output port; an empty one sends nothing"
+            )
+        if not isinstance(self.module.halt, str):
+            raise self._component.broken(method, f"has set halt to {shown(self.module.halt)}", "a text, or ''")
+        rounded: dict[str, FloatArray] = {}
+        for port, value in outputs.items():
+            if port not in self.module.outputs:
+                ports = ", ".join(map(repr, self.module.outputs)) or "none: it has no output port"
+                raise self._component.broken(method, f"names the port {port!r}", f"one of {ports}")
+            where = f"{method}, port '{port}',"
+            array = self._component.array((self.module.outputs[port],), where, value)
+            rounded[port] = self._wires[port].rounded(array)
+            if not np.isfinite(rounded[port]).all() and are_finite(given):
+                raise self._component.broken(where, f"sends {array.tolist()}", "finite numbers on the wire")
+        if expected is not None and not self.module.halt and self._connected.intersection(rounded) != expected:
+            names = ", ".join(sorted(map(repr, rounded))) or "nothing"
+            raise self._component.broken(
+                method, f"sends {names}", f"a message on {', '.join(sorted(map(repr, expected)))}, by its role"
+            )
+        return [(link, rounded[link.port]) for link in self._links if link.port in rounded]

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from etac_ros.errors import ProtocolError
+from etac_ros.graph.role import Acts, Role
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant
 from etac_ros.plants.watch import Watch
+
+_IN_ROLE = ("answers", "passive", "timed", "triggers", "concludes", "senses", "fires_on", "every")
 
 Outputs = Mapping[str, FloatArray]
 """What a module sends: a value for an output port. A port that is left out sends nothing."""
@@ -34,7 +38,19 @@ class Window:
         return self.start + len(self.samples) - 1
 
     def at(self, tick: int) -> FloatArray:
-        """The sample at a tick."""
+        """The sample at a tick.
+
+        Raises
+        ------
+        ProtocolError
+            If the window does not hold it.
+        """
+        if not self.start <= tick <= self.last:
+            raise ProtocolError(
+                f"window of {self.plant}",
+                f"the sample of tick {tick} was asked for",
+                f"a tick from {self.start} to {self.last}",
+            )
         return self.samples[tick - self.start]  # type: ignore[no-any-return]
 
 
@@ -76,54 +92,78 @@ class Module:
     ----------
     inputs, outputs
         Ports and their sizes, known once the module is built.
-    answers
-        True for a module that answers each arrivals at once with exactly one message on each connected output, whatever
-        the tick, and never acts by itself. Such a module need not report, and a foreign node that merely receives
-        and publishes is one.
-    passive
-        True for a module that never acts by itself but may see a plant: it decides when something arrives. Nobody asks
-        it for its next act, so it costs no exchange while nothing arrives.
-    timed
-        True for a module that answers and needs to know the tick. Over a stamped link the message tells it; otherwise
-        it waits for an order.
-    triggers
-        The output port whose messages are the triggering instants that a run counts; empty where there are none.
-    concludes
-        True for a module that acts twice at its triggering instant: it fires, and then takes what arrives in the same
-        tick, be that nothing. It gets a arrivals in the step after it has fired in any case.
-    senses
-        True for a module that takes samples inside itself, where others have a sensor and a link: they are counted.
+    role
+        When the module acts, and what others may rely on without asking. A class says it once; a module whose role
+        depends on its parameters sets its own when it is built.
     """
 
     Parameters: ClassVar[type[Parameters]] = Parameters
     components: ClassVar[tuple[str, ...]] = ()
-    answers: ClassVar[bool] = False
-    passive: ClassVar[bool] = False
-    timed: ClassVar[bool] = False
-    triggers: ClassVar[str] = ""
-    concludes: ClassVar[bool] = False
-    senses: ClassVar[bool] = False
+    role: Role = Role()
 
     inputs: dict[str, int]
     outputs: dict[str, int]
-    fires_on: tuple[str, ...] | None = None
-    """Set by a module that sends one message on each of these output ports, and no others, whenever it fires, and on
-    the port ``triggers`` when it concludes alone: so an order to fire needs no report. It has no watches."""
-    every: int | None = None
-    """Set by a module that acts by itself at exactly the ticks that are multiples of this, sends one message on each
-    connected output then, and takes nothing. Nobody needs to ask it, nor to hear from it."""
     halt: str = ""
     """Set by a watch, while it acts, to end the run at this tick: what was found, in words."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        for name in _IN_ROLE:
+            if name in vars(cls):
+                raise TypeError(f"{cls.__name__}.{name} is part of the role of a module: role = Role({name}=...)")
 
     def __init__(self, context: Context) -> None:
         self.context = context
         self.inputs = {}
         self.outputs = {}
 
+    @property
+    def answers(self) -> bool:
+        """Whether it answers at once, and never acts by itself."""
+        return self.role.acts is Acts.AT_ONCE
+
+    @property
+    def passive(self) -> bool:
+        """Whether it decides when something arrives, and never acts by itself."""
+        return self.role.acts is Acts.ON_ARRIVAL
+
+    @property
+    def timed(self) -> bool:
+        """Whether it answers at once and needs to know the tick."""
+        return self.role.timed
+
+    @property
+    def triggers(self) -> str:
+        """The output port whose messages are triggering instants; empty where there are none."""
+        return self.role.triggers
+
+    @property
+    def concludes(self) -> bool:
+        """Whether it takes what arrives in the step after it has fired."""
+        return self.role.concludes
+
+    @property
+    def senses(self) -> bool:
+        """Whether it takes samples inside itself."""
+        return self.role.senses
+
+    @property
+    def fires_on(self) -> tuple[str, ...] | None:
+        """The output ports on which it sends whenever it fires; None where that is not known beforehand."""
+        return self.role.fires_on
+
+    @property
+    def every(self) -> int | None:
+        """The ticks at whose multiples it acts; None where that is not known beforehand."""
+        return self.role.every
+
     def wire(self, port: str) -> Wire:
-        """Wire of an output port; a value must be rounded by it before it is used on either side."""
+        """Wire of an output port: a value that is kept beside what is sent has to be rounded by it.
+
+        What is sent is rounded in any case, by the driver of the module.
+        """
         formats = self.context.formats
-        return Wire(formats.get(port, formats.get("", WireFormat.EXACT)), self.outputs[port])
+        return Wire(formats.get(port, formats.get("", WireFormat.DOUBLE)), self.outputs[port])
 
     def scan(self, window: Window | None, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself. Pure: looking changes nothing.
@@ -147,12 +187,31 @@ class Module:
         return ()
 
     def advance(self, tick: int, window: Window) -> None:
-        """Commit memory up to and including ``tick``; samples up to there are final."""
+        """Commit memory up to and including ``tick``; samples up to there are final.
+
+        It comes before :meth:`fire` and :meth:`receive` of that tick, once a tick, and may jump: nothing is said of
+        the ticks between, which lie in the window. Only a module that reads a plant is told.
+        """
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         """Act by itself at a tick that :meth:`scan` has named."""
         raise NotImplementedError(f"{type(self).__name__} names ticks in scan() but has no fire()")
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
-        """Take all that arrives in one step. ``tick`` is None for a module that answers and is not timed."""
+        """Take all that arrives in one step.
+
+        Parameters
+        ----------
+        tick
+            None for a module that answers at once and is not timed.
+        arrivals
+            In a fixed order: link by link, and by sequence number on each.
+        sample
+            Of the plant that the module reads, at this tick; None if it reads none.
+
+        Returns
+        -------
+        Mapping
+            A value for each port on which something is sent; empty where nothing is.
+        """
         return {}

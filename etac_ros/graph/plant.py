@@ -6,6 +6,7 @@ import numpy as np
 
 from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
+from etac_ros.graph.promises import Component
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant, watches_of
@@ -38,7 +39,9 @@ class PlantModule(Module):
         self.inputs = dict(plant.inputs)
         self._inputs = HeldInputs(plant.inputs, context.incoming)
         self.held: FloatArray = self._inputs.total()
-        self.state = plant.initial_state()
+        self._component = Component(context.name, plant)
+        size = len(plant.labels)
+        self.state = self._component.vector(size, "initial_state")
         self.tick = 0
         self._epoch = 0
         self._window: Window | None = None
@@ -77,7 +80,7 @@ class PlantModule(Module):
             row = int(np.argmin(np.isfinite(samples).all(axis=1)))
             at = seconds(start + row, self.context.ticks_per_second)
             return f"the state is no number from {at:.6g} s (tick {start + row}) on; held inputs {self.held.tolist()}"
-        watches = watches_of(self.plant, samples)
+        watches = self._component.call("watches", samples) if hasattr(self.plant, "watches") else ()
         rows = rows_left(watches)
         if not rows.size:
             return ""
@@ -89,10 +92,15 @@ class PlantModule(Module):
         start = self.tick + 1
         if self._epoch == 0:
             start = 0
-            following = [self.plant.propagate(self.state, 0, length - 1, self.held)] if length > 1 else []
+            following = [self._propagated(0, length - 1)] if length > 1 else []
             samples = np.concatenate([self.state[np.newaxis, :], *following])
         else:
-            samples = self.plant.propagate(self.state, self.tick, length, self.held)
+            samples = self._propagated(self.tick, length)
         self._epoch += 1
         self._window = Window(self.context.name, self._epoch, start, samples)
         return self._window
+
+    def _propagated(self, tick: int, count: int) -> FloatArray:
+        # Arrays of its own: a plant that works in place changes nobody's state.
+        arguments = (self.state.copy(), tick, count, self.held.copy())
+        return self._component.rows(count, self.state.size, "propagate", *arguments)

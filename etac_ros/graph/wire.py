@@ -1,9 +1,9 @@
 """Wire formats: which message type carries a value, what it costs, and what it does to the numbers.
 
 This file is the one list of message types, by the names of the common interfaces; it needs no ROS. Two byte counts of a
-message stand side by side: the payload (4 bytes a component, the papers' figure), and CDR (the serialized message
-with its 4-byte header). The rounding happens here, on the sender's side, so that sender, receiver and both
-engines use the very value that was on the wire.
+message stand side by side: the payload (its components: 4 bytes each where they are float32, as the papers count, 8
+where they are float64), and CDR (the serialized message with its 4-byte header). The rounding happens on the sender's
+side, so that sender, receiver and both engines use the very value that was on the wire.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 
 from etac_ros.parameters import FloatArray
 
-PAYLOAD_BYTES_A_COMPONENT = 4
 _CDR_HEADER = 4
 
 
@@ -27,8 +26,8 @@ class WireFormat(StrEnum):
     """float32, as the papers count: Point32 for a 3-vector, Float32MultiArray otherwise."""
     STAMPED = "stamped"
     """float64 with a header: Vector3Stamped, QuaternionStamped, WrenchStamped."""
-    EXACT = "exact"
-    """float64 without a header: Vector3 for a 3-vector, Float64MultiArray otherwise; for the emulation plane only."""
+    DOUBLE = "double"
+    """float64 of any size, no header: Vector3 for a 3-vector, Float64MultiArray otherwise; so are physical links."""
 
 
 _XYZ = ("x", "y", "z")
@@ -52,9 +51,15 @@ TABLE_TYPE = "std_msgs/msg/Float64MultiArray"
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 """Types of the emulation plane: protocol notes, windows and committed samples, and the simulated time."""
 
-_BARE_3 = {WireFormat.COMPACT: "geometry_msgs/msg/Point32", WireFormat.EXACT: "geometry_msgs/msg/Vector3"}
-_ARRAYS = {WireFormat.COMPACT: "std_msgs/msg/Float32MultiArray", WireFormat.EXACT: "std_msgs/msg/Float64MultiArray"}
+_BARE_3 = {WireFormat.COMPACT: "geometry_msgs/msg/Point32", WireFormat.DOUBLE: "geometry_msgs/msg/Vector3"}
+_ARRAYS = {WireFormat.COMPACT: "std_msgs/msg/Float32MultiArray", WireFormat.DOUBLE: "std_msgs/msg/Float64MultiArray"}
+_SINGLE_PRECISION = (_BARE_3[WireFormat.COMPACT], _ARRAYS[WireFormat.COMPACT])
 _STAMPED_TYPES = {len(fields): name for name, fields in SCALAR_FIELDS.items() if name.endswith("Stamped")}
+
+
+def bytes_a_component(type_name: str) -> int:
+    """Bytes of one number in a message type."""
+    return 4 if type_name in _SINGLE_PRECISION else 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,7 @@ class Wire:
     Parameters
     ----------
     format
-        Compact, stamped or exact.
+        Compact, stamped or double.
     size
         Components of a value.
     """
@@ -76,7 +81,8 @@ class Wire:
         if self.format is WireFormat.STAMPED and self.size not in _STAMPED_TYPES:
             raise ValueError(
                 f"no stamped message of the common interfaces carries {self.size} components "
-                f"(only {sorted(_STAMPED_TYPES)}); use wire: compact"
+                f"(only {sorted(_STAMPED_TYPES)}); use wire: double (float64 of any size, without a header) "
+                "or wire: compact (float32)"
             )
 
     @property
@@ -88,8 +94,8 @@ class Wire:
 
     @property
     def payload_bytes(self) -> int:
-        """Bytes as the papers count them."""
-        return PAYLOAD_BYTES_A_COMPONENT * self.size
+        """Bytes of the components alone, as the papers count them."""
+        return bytes_a_component(self.type_name) * self.size
 
     @property
     def cdr_bytes(self) -> int:

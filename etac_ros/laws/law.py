@@ -1,4 +1,8 @@
-"""The two halves of a law, as the modules on either side of a network link use them."""
+"""The two halves of a law, as the modules on either side of a network link use them.
+
+What a method wants to be told beside its first argument it says by the names of its parameters: ``command(signal)``
+and ``command(signal, tick)`` are both laws, ``evaluate(states)`` and ``evaluate(states, ticks)`` both signals.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,12 @@ TickArray = npt.NDArray[np.int64]
 
 
 class Signal(Protocol):
-    """What the sensor module forms from measurements, watches with its trigger and transmits."""
+    """What the sensor module forms from measurements, watches with its trigger and transmits.
+
+    A signal that sends something else than is watched, as a torque that it knows the law of, has besides
+    ``sent_size`` and ``sent(states)``, called as ``evaluate`` is. The trigger rule compares rows of ``evaluate`` with
+    the row of the last triggering instant then.
+    """
 
     Parameters: ClassVar[type[Parameters]]
     size: int
@@ -24,12 +33,19 @@ class Signal(Protocol):
     """Symbol in the paper, for plots."""
 
     def evaluate(self, states: FloatArray) -> FloatArray:
-        """Signal of each measured state, shape (n, size); contiguous, one kernel for one row and for many."""
+        """Signal of each measured state, shape (n, size); contiguous, one kernel for one row and for many.
+
+        Pure. With a second parameter ``ticks`` it is told the tick of each row, for a reference that moves.
+        """
         ...
 
 
 class Law(Protocol):
-    """What the controller computes from the last received signal; it must not depend on the tick."""
+    """What the controller computes from the last received signal.
+
+    ``command`` is called exactly once for each message, in the order of their arrival, in both engines and whatever
+    the windows are. So a law may keep what it likes from one message to the next.
+    """
 
     Parameters: ClassVar[type[Parameters]]
     signal_size: int
@@ -38,12 +54,16 @@ class Law(Protocol):
     """Components of the command."""
 
     def command(self, signal: FloatArray) -> FloatArray:
-        """Torque command [N m], shape (command_size,)."""
+        """Command, a torque [N m] for instance, shape (command_size,).
+
+        With a parameter ``tick`` it is told the tick of the message: ``command(signal, tick)``. With a parameter
+        ``state`` it is told what the controller's key ``known_state`` names of the plant's state.
+        """
         ...
 
 
-class TimedLaw(Protocol):
-    """A law that knows the time, for its model of disturbances; on arrays of samples, one row a tick."""
+class WatchedLaw(Protocol):
+    """A law whose trigger rule looks at more than the command."""
 
     Parameters: ClassVar[type[Parameters]]
     signal_size: int
@@ -51,30 +71,12 @@ class TimedLaw(Protocol):
     command_size: int
     """Components of the command."""
 
-    def torque(self, signals: FloatArray, ticks: TickArray) -> FloatArray:
-        """Torque [N m] of each signal, shape (n, command_size)."""
+    def command(self, signal: FloatArray, tick: int) -> FloatArray:
+        """Command for a signal of a tick, shape (command_size,)."""
         ...
-
-
-class WatchedLaw(TimedLaw, Protocol):
-    """A timed law whose trigger rule looks at more than the torque."""
 
     def watched(self, signals: FloatArray, ticks: TickArray) -> FloatArray:
-        """What the trigger rule is shown of each signal."""
-        ...
-
-
-class ModalLaw(Protocol):
-    """A timed law that takes the modes of a flexible plant as known."""
-
-    Parameters: ClassVar[type[Parameters]]
-    signal_size: int
-    """Components of the received signal."""
-    command_size: int
-    """Components of the command."""
-
-    def torque(self, signals: FloatArray, modes: FloatArray, ticks: TickArray) -> FloatArray:
-        """Torque [N m] of each signal with its modes, shape (n, command_size)."""
+        """What the trigger rule is shown of each signal; the first columns are the command."""
         ...
 
 
@@ -93,7 +95,10 @@ class RelativeSignal(Protocol):
 
 
 class LawWithMemory(Protocol):
-    """A law that keeps something between samples, handed in and out so that looking ahead leaves no trace."""
+    """A law on the sensor's side that keeps something between samples.
+
+    The memory is handed in and out, so that looking ahead leaves no trace.
+    """
 
     Parameters: ClassVar[type[Parameters]]
     command_size: int

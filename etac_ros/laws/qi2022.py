@@ -343,6 +343,11 @@ class PmLfpd:
         self._ticks_per_second = ticks_per_second
         self._packed = np.concatenate([parameters.packed(), parameters.attitude_gain_nm, parameters.rate_gain_nms])
 
+    def command(self, signal: FloatArray, tick: int) -> FloatArray:
+        """:meth:`torque` for one feedback at a tick, shape (3,)."""
+        torque: FloatArray = self.torque(np.ascontiguousarray(signal[np.newaxis]), np.array([tick], dtype=np.int64))[0]
+        return torque
+
     def torque(self, feedback: FloatArray, ticks: TickArray) -> FloatArray:
         """NCLA torque ``tau_p`` [N m] in P, shape (n, 3).
 
@@ -436,6 +441,11 @@ class SmLfpd:
                 [float(parameters.feed_forward)],
             ]
         )
+
+    def command(self, signal: FloatArray, tick: int) -> FloatArray:
+        """:meth:`torque` for one measurement at a tick, shape (3,)."""
+        torque: FloatArray = self.torque(np.ascontiguousarray(signal[np.newaxis]), np.array([tick], dtype=np.int64))[0]
+        return torque
 
     def torque(self, measurements: FloatArray, ticks: TickArray) -> FloatArray:
         """``tau_cons`` [N m] in S of each measurement, shape (n, 3).

@@ -122,6 +122,12 @@ class SmSlidingMode:
             ]
         )
 
+    def command(self, signal: FloatArray, tick: int, state: FloatArray) -> FloatArray:
+        """:meth:`torque` for one measurement at a tick; ``state`` are the panels' modes, shape (3,)."""
+        measurement, modes = (np.ascontiguousarray(row[np.newaxis]) for row in (signal, state))
+        torque: FloatArray = self.torque(measurement, modes, np.array([tick], dtype=np.int64))[0]
+        return torque
+
     def torque(self, measurements: FloatArray, modes: FloatArray, ticks: TickArray) -> FloatArray:
         """CMG torque ``tau_s`` [N m] in S, shape (n, 3).
 

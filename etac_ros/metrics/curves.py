@@ -17,7 +17,7 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of, modes_slice_of
+from etac_ros.plants.plant import Body, Plant, bodies_of, errors_of, has_attitude, modes_slice_of
 
 _SETTLED = 2.0
 """A run has settled when its error stays within so many times the largest of the steady part."""
@@ -76,6 +76,11 @@ def bodies(graph: Graph) -> dict[str, tuple[str, Body]]:
     return rows
 
 
+def attitude_plants(graph: Graph) -> tuple[str, ...]:
+    """Names of the plants that have an attitude."""
+    return tuple(plant for plant in graph.plants if has_attitude(dynamics(graph, plant)))
+
+
 def attitude(graph: Graph, recording: Recording, row: str) -> Curve:
     """Attitude error of a body as 3-2-1 Euler angles [deg]."""
     plant, body = bodies(graph)[row]
@@ -83,10 +88,10 @@ def attitude(graph: Graph, recording: Recording, row: str) -> Curve:
 
 
 def attitude_angle(graph: Graph, recording: Recording, plant: str) -> Curve:
-    """Attitude error as one angle [deg]."""
-    return _of_states(
-        graph, recording, plant, lambda body, states: np.degrees(body.attitude_angle(states))[:, np.newaxis]
-    )
+    """Attitude error of a plant that has one, as one angle [deg]."""
+    body = dynamics(graph, plant)
+    assert has_attitude(body)
+    return _of_states(graph, recording, plant, lambda _, states: np.degrees(body.attitude_angle(states))[:, np.newaxis])
 
 
 def rate(graph: Graph, recording: Recording, row: str) -> Curve:

@@ -16,7 +16,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import energy, held_inputs, last_sent, trigger_ticks
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import bodies_of, errors_of
+from etac_ros.plants.plant import bodies_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
@@ -164,7 +164,7 @@ def _signal(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatAr
     if not isinstance(module, Sensor):
         raise KeyError(SIGNAL)
     first, states = recording.samples(graph.reads[node])
-    return first, module.signal.evaluate(np.ascontiguousarray(states))
+    return first, module.formed(np.ascontiguousarray(states), first)
 
 
 def _hold_error(graph: Graph, recording: Recording, node: str) -> tuple[int, FloatArray]:
@@ -186,13 +186,15 @@ def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callab
         if body.name:
             of_bodies[f"attitude of {body.name}"] = partial(_in_degrees, body.euler_angles, errors)
             of_bodies[f"rate of {body.name}"] = partial(_in_degrees, body.rates, errors)
+    of_bodies[TORQUE] = lambda: held_torque(graph, recording, node)
+    if not has_attitude(plant):
+        return of_bodies
     return {
         **of_bodies,
         ATTITUDE: lambda: np.degrees(plant.attitude_angle(errors))[:, np.newaxis],
         RATE: lambda: np.degrees(errors[:, plant.rate_slice]),
         ATTITUDE_COMPONENTS: lambda: errors[:, plant.attitude_slice],
         RATE_RAD_S: lambda: errors[:, plant.rate_slice],
-        TORQUE: lambda: held_torque(graph, recording, node),
     }
 
 

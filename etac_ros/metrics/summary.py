@@ -18,7 +18,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.published import measure, watches_of_module
-from etac_ros.plants.plant import errors_of
+from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.load import Scenario
 
 Kind = Literal["network", "internal", "emulation"]
@@ -46,7 +46,9 @@ class Totals(_Model):
 
     messages: int
     deliveries: int = Field(description="messages that reached a receiver: a broadcast counts once for each")
-    payload_bytes: int = Field(description="4 bytes a component, as the papers count; 0 on the emulation plane")
+    payload_bytes: int = Field(
+        description="components alone: 4 bytes of float32, as the papers count, 8 of float64; 0 on the emulation plane"
+    )
     cdr_bytes: int = Field(description="length of the serialized messages, each with its 4-byte header")
 
 
@@ -62,10 +64,10 @@ class Topic(Totals):
 class Performance(_Model):
     """How well one plant pointed."""
 
-    attitude_error_deg: float = Field(description="at the end")
-    rate_deg_s: float = Field(description="at the end")
-    max_attitude_error_deg: float = Field(description="over the steady part of the run")
-    max_rate_deg_s: float = Field(description="over the steady part of the run")
+    attitude_error_deg: float | None = Field(description="at the end; null of a plant that has no attitude")
+    rate_deg_s: float | None = Field(description="at the end; likewise")
+    max_attitude_error_deg: float | None = Field(description="over the steady part of the run; likewise")
+    max_rate_deg_s: float | None = Field(description="over the steady part of the run; likewise")
     energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
 
 
@@ -352,6 +354,12 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
     assert isinstance(module, PlantModule)
     first, states = recording.samples(name)
     late = min(max(steady - first, 0), states.shape[0] - 1)  # a run that was halted may have no steady part
+    used = energy(graph, recording, name, first, first + states.shape[0] - 1)
+    if not has_attitude(module.plant):
+        return Performance(
+            attitude_error_deg=None, rate_deg_s=None, max_attitude_error_deg=None, max_rate_deg_s=None,
+            energy_n2m2s=used,
+        )  # fmt: skip
     errors = errors_of(module.plant, states[late:], first + late)
     angles = np.degrees(module.plant.attitude_angle(errors))
     rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
@@ -360,7 +368,7 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
         rate_deg_s=float(rates[-1]),
         max_attitude_error_deg=float(angles.max()),
         max_rate_deg_s=float(rates.max()),
-        energy_n2m2s=energy(graph, recording, name, first, first + states.shape[0] - 1),
+        energy_n2m2s=used,
     )
 
 

@@ -15,10 +15,13 @@ import numpy.typing as npt
 from pydantic import Field, NonNegativeInt
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
+from etac_ros.graph.promises import Component, first_broken
+from etac_ros.graph.role import Role
 from etac_ros.laws.law import TickArray
+from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.triggers.rule import TriggerRule
+from etac_ros.triggers.rule import AnyRule
 
 _REQUEST = np.array([1.0])
 
@@ -84,11 +87,10 @@ class FormationSensor(Module):
 
     Parameters = FormationSensorParameters
     components = ("signal", "trigger")
-    triggers = "feedback"
-    concludes = True
+    role = Role(triggers="feedback", concludes=True)
 
     def __init__(
-        self, context: Context, parameters: FormationSensorParameters, signal: NeighbourSignal, trigger: TriggerRule
+        self, context: Context, parameters: FormationSensorParameters, signal: NeighbourSignal, trigger: AnyRule
     ) -> None:
         super().__init__(context)
         if context.plant is None:
@@ -112,12 +114,13 @@ class FormationSensor(Module):
             self.outputs["request"] = _REQUEST.size
             self._places |= {f"reply_{name}": place for place, name in enumerate(parameters.neighbours)}
         if parameters.exchange is Exchange.BROADCAST:
-            self.fires_on = ("state",)
+            self.role = Role(triggers="feedback", concludes=True, fires_on=("state",))
         self._known: FloatArray = np.zeros((signal.neighbours, size))
         self._known_ticks: TickArray = np.zeros(signal.neighbours, dtype=np.int64)
         self._heard = np.zeros(signal.neighbours, dtype=np.bool_)
-        self._held: FloatArray | None = None
-        self._held_tick: int | None = None
+        self._component = Component(context.name, signal)
+        self.hold = Hold(self, "feedback", trigger)
+        self._advanced = -1
         self._fired_at: int | None = None
         self._waits = False
 
@@ -134,13 +137,21 @@ class FormationSensor(Module):
             return until if until <= window.last else None
         return self._first(window.samples[after + 1 - window.start :], after + 1)
 
+    def advance(self, tick: int, window: Window) -> None:
+        """Tell a rule with memory what it has seen: with what was known before this tick's messages."""
+        if self.hold.has_memory:
+            first = max(self._advanced + 1, window.start)
+            samples = window.samples[first - window.start : tick + 1 - window.start]
+            self.hold.advance(self._signals(samples, first), first)
+        self._advanced = tick
+
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         """Tell the neighbours, and ask them if states are pulled; the signal follows within the tick."""
         assert sample is not None
         row = np.ascontiguousarray(sample[np.newaxis, :])
         if self._waits:  # for replies that were lost
             return {"feedback": self._form(tick, row)}
-        outputs = {"state": self.wire("state").rounded(self.signal.broadcast(row)[0])}
+        outputs = {"state": self._broadcast(row)}
         if self._own.exchange is Exchange.CONTINUOUS and self._first(row, tick) is None:
             return outputs
         self._fired_at = tick
@@ -165,7 +176,7 @@ class FormationSensor(Module):
                 replied |= arrival.port.startswith("reply_")
             else:
                 port = arrival.port.replace("asked_", "reply_", 1)
-                outputs[port] = self.wire(port).rounded(self.signal.broadcast(row)[0])
+                outputs[port] = self._broadcast(row)
         if self._waits and (replied or not self._pulls or not self._places):
             outputs["feedback"] = self._form(tick, row)
         return outputs
@@ -199,19 +210,26 @@ class FormationSensor(Module):
         """What the trigger rule compares with after a message: its value."""
         return value
 
+    def _broadcast(self, row: FloatArray) -> FloatArray:
+        told: FloatArray = self._component.rows(1, self.signal.broadcast_size, "broadcast", row)[0]
+        return told
+
     def _form(self, tick: int, row: FloatArray) -> FloatArray:
-        """Form the signal with all that is known now, and hold it for the trigger rule as it is on the wire."""
+        """Form the signal with all that is known now; the trigger rule compares with it from now on."""
         self._waits = False
-        self._held = self.wire("feedback").rounded(self._signals(row, tick)[0])
-        self._held_tick = tick
-        return self._held
+        formed = self._signals(row, tick)[0]
+        if first_broken(formed[np.newaxis], row) is not None:
+            found = f"gives {formed.tolist()} at tick {tick} for finite arguments"
+            raise self._component.broken("evaluate", found, "finite numbers")
+        return self.hold.send(formed, tick)
 
     def _first(self, samples: FloatArray, tick: int) -> int | None:
-        if self._held is None:
-            return tick
-        index = self.trigger.first(self._signals(samples, tick), tick, self._held, self._held_tick)
-        return None if index < 0 else tick + index
+        signals = self._signals(samples, tick)
+        fires = self.hold.first(signals, tick)
+        broken = first_broken(signals, samples)
+        return fires if broken is None else min(tick + broken, tick + broken if fires is None else fires)
 
     def _signals(self, samples: FloatArray, tick: int) -> FloatArray:
         contiguous = np.ascontiguousarray(samples)
-        return self.signal.evaluate(contiguous, tick, self._known, self._known_ticks, self._heard)
+        told = (tick, self._known, self._known_ticks, self._heard)
+        return self._component.rows(len(samples), self.signal.size, "evaluate", contiguous, *told)

@@ -11,11 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
+from etac_ros.graph.promises import Component, first_broken, shown
+from etac_ros.graph.role import Role
 from etac_ros.laws.law import LawWithMemory
+from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch, rows_left, words
-from etac_ros.triggers.rule import TriggerRule
+from etac_ros.triggers.rule import AnyRule
 
 
 class SensingControllerParameters(Parameters):
@@ -66,11 +69,10 @@ class SensingController(Module):
 
     Parameters = SensingControllerParameters
     components = ("law", "trigger")
-    triggers = "command"
-    senses = True
+    role = Role(triggers="command", senses=True)
 
     def __init__(
-        self, context: Context, parameters: SensingControllerParameters, law: LawWithMemory, trigger: TriggerRule
+        self, context: Context, parameters: SensingControllerParameters, law: LawWithMemory, trigger: AnyRule
     ) -> None:
         super().__init__(context)
         if context.plant is None:
@@ -78,9 +80,8 @@ class SensingController(Module):
         self.outputs = {"command": law.command_size}
         self.law = law
         self.trigger = trigger
-        self.held: FloatArray | None = None
-        self.held_tick: int | None = None
-        self._wire = self.wire("command")
+        self._component = Component(context.name, law)
+        self.hold = Hold(self, "command", trigger)
         memory = law.initial_memory(context.plant.initial_state())
         self._committed = _Committed(-1, np.zeros(law.command_size), memory)
         self._ahead: _Ahead | None = None
@@ -92,13 +93,13 @@ class SensingController(Module):
         offset = max(after + 1 - ahead.first, 0)
         if offset >= ahead.commands.shape[0]:
             return None
-        due = [row for row in ahead.outside if row >= offset][:1]
-        if self.held is None:
-            due.append(offset)
-        else:
-            index = self.trigger.first(ahead.commands[offset:], ahead.first + offset, self.held, self.held_tick)
-            due += [offset + index] if index >= 0 else []
-        return ahead.first + min(due) if due else None
+        due = [ahead.first + row for row in ahead.outside if row >= offset][:1]
+        rows = ahead.commands[offset:]
+        fires = self.hold.first(rows, ahead.first + offset)
+        broken = first_broken(rows, window.samples[ahead.first + offset - window.start :])
+        due += [] if fires is None else [fires]
+        due += [] if broken is None else [ahead.first + offset + broken]
+        return min(due, default=None)
 
     def advance(self, tick: int, window: Window) -> None:
         """Keep the command of this tick, and the law's memory after it."""
@@ -106,6 +107,8 @@ class SensingController(Module):
             return
         ahead = self._look(window)
         row = tick - ahead.first
+        seen = self._committed.tick + 1 - ahead.first
+        self.hold.advance(ahead.commands[seen : row + 1], ahead.first + seen)
         left = ""
         if row in ahead.outside:
             state = np.ascontiguousarray(window.at(tick))
@@ -114,15 +117,17 @@ class SensingController(Module):
         self._committed = _Committed(tick, ahead.commands[row].copy(), ahead.memories[row].copy(), left)
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
-        """Transmit the command of this tick and hold it, rounded as on the wire; or end the run if a bound is left."""
+        """Transmit the command of this tick; or end the run if a bound is left."""
         committed = self._committed
         assert committed.tick == tick
+        assert sample is not None
         if committed.left:
             self.halt = committed.left
             return {}
-        self.held = self._wire.rounded(committed.command)
-        self.held_tick = tick
-        return {"command": self.held}
+        if not np.isfinite(committed.command).all() and np.isfinite(sample).all():
+            found = f"gives {committed.command.tolist()} at tick {tick} for a state of finite numbers"
+            raise self._component.broken("fold", found, "finite numbers")
+        return {"command": self.hold.send(committed.command, tick)}
 
     @property
     def watched_label(self) -> str:
@@ -167,7 +172,21 @@ class SensingController(Module):
                 f"the window begins at {window.start}"
             )
         samples = window.samples[first - window.start :]
-        commands, memories = self.law.fold(samples, first, self._committed.memory)
-        outside = rows_left(self.law.watches(samples, first, self._committed.memory)).tolist()
+        commands, memories = self._fold(samples, first)
+        watches = self._component.call("watches", samples, first, self._committed.memory)
+        outside = rows_left(watches).tolist()
         self._ahead = _Ahead(window, first, commands, memories, outside)
         return self._ahead
+
+    def _fold(self, samples: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
+        found = self._component.call("fold", samples, first, self._committed.memory)
+        if not isinstance(found, tuple) or len(found) != 2:
+            raise self._component.broken(
+                "fold", f"returned {shown(found)}", "(command at each sample, memory after it)"
+            )
+        commands, memories = found
+        count, part = samples.shape[0], "fold, the {} part of what it"
+        return (
+            self._component.array((count, self.law.command_size), part.format("first"), commands),
+            self._component.array((count, self._committed.memory.size), part.format("second"), memories),
+        )

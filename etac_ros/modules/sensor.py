@@ -9,13 +9,17 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
+from etac_ros.graph.promises import Component, first_broken
+from etac_ros.graph.role import Role
 from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
 from etac_ros.maths.noise import normals, stream_key
+from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import noise_width_of
 from etac_ros.triggers.periodic import Periodic
-from etac_ros.triggers.rule import TriggerRule
+from etac_ros.triggers.rule import AnyRule
 
 
 class NoiseEnters(StrEnum):
@@ -70,30 +74,33 @@ class Sensor(Module):
 
     Parameters = SensorParameters
     components = ("signal", "trigger")
-    triggers = "signal"
+    role = Role(triggers="signal")
 
-    def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: TriggerRule) -> None:
+    def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: AnyRule) -> None:
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensor needs a plant, named by the key 'reads'")
-        self.outputs = {"signal": signal.size}
+        self._sends_other = hasattr(signal, "sent")
+        if self._sends_other and not hasattr(signal, "sent_size"):
+            raise ValueError(f"{type(signal).__name__} has 'sent' and no 'sent_size'")
+        self.outputs = {"signal": signal.sent_size if hasattr(signal, "sent_size") else signal.size}
         self.signal = signal
         self.trigger = trigger
         rule: object = trigger
-        self.every = rule.period if isinstance(rule, Periodic) else None
-        self.held: FloatArray | None = None
-        self.held_tick: int | None = None
-        self._plant = context.plant
-        self._wire = self.wire("signal")
+        if isinstance(rule, Periodic):
+            self.role = Role(triggers="signal", every=rule.period)
+        self._senses = Component(context.name, context.plant)
+        self._component = Component(context.name, signal)
+        self.hold = Hold(self, "signal", trigger)
         self._noise = parameters.noise
         self._key = stream_key(context.seed, context.name)
         sigmas = [np.radians(parameters.noise.attitude_deg)] * 3 + [np.radians(parameters.noise.rate_deg_s)] * 3
         # Attitude and rate of each body that the plant measures.
-        bodies, rest = divmod(context.plant.noise_width, len(sigmas))
+        bodies, rest = divmod(noise_width_of(context.plant), len(sigmas))
         if self._noise.enters is not NoiseEnters.NOWHERE and (bodies == 0 or rest):
             raise ValueError(
                 f"noise is described for {len(sigmas)} deviates a sample (attitude and rate) of each body; "
-                f"the plant's sensors draw {context.plant.noise_width}"
+                f"the plant's sensors draw {noise_width_of(context.plant)}"
             )
         self._sigmas = np.tile(sigmas, bodies)
         period = 1.0 / context.ticks_per_second
@@ -107,30 +114,34 @@ class Sensor(Module):
         offset = after + 1 - window.start
         if offset >= window.samples.shape[0]:
             return None
-        watched, _ = self._signals(window)
-        if self.held is None:
-            return after + 1
-        index = self.trigger.first(watched[offset:], after + 1, self.held, self.held_tick)
-        if index >= watched.shape[0] - offset:
-            raise IndexError(
-                f"{type(self.trigger).__name__}.first has named sample {index} of {watched.shape[0] - offset}"
-            )
-        return None if index < 0 else after + 1 + index
+        watched, sent = self._signals(window)
+        rows = watched[offset:]
+        due = self.hold.first(rows, after + 1)
+        # What is no number is named at its tick, if that comes to be: no sample of a window is certain.
+        given = window.samples[offset:]
+        broken = [first for values in (rows, sent[offset:]) if (first := first_broken(values, given)) is not None]
+        ticks = [after + 1 + row for row in broken] + ([] if due is None else [due])
+        return min(ticks, default=None)
 
     def advance(self, tick: int, window: Window) -> None:
-        """Keep what was watched and what would be sent at ``tick``: the filter's memory."""
+        """Keep what was watched and what would be sent at ``tick``, and the memories of filter and rule."""
         watched, sent = self._signals(window)
         index = tick - window.start
+        last = window.start - 1 if self._memory is None else max(self._memory[0], window.start - 1)
+        self.hold.advance(watched[last + 1 - window.start : index + 1], last + 1)
         self._memory = tick, watched[index].copy(), sent[index].copy()
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
-        """Transmit the signal of this tick and hold it, rounded as on the wire, for the trigger rule."""
+        """Transmit the signal of this tick; the trigger rule compares with it from now on."""
         assert self._memory is not None
-        last, _, sent = self._memory
+        assert sample is not None
+        last, watched, sent = self._memory
         assert last == tick
-        self.held = self._wire.rounded(sent)
-        self.held_tick = tick
-        return {"signal": self.held}
+        for method, values in (("evaluate", watched), ("sent", sent)):
+            if not np.isfinite(values).all() and np.isfinite(sample).all():
+                found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
+                raise self._component.broken(method, found, "finite numbers")
+        return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}
 
     @property
     def watched_label(self) -> str:
@@ -148,21 +159,34 @@ class Sensor(Module):
         return self._signals(window)[0]
 
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
-        """What the trigger rule compares with after a message: its value."""
-        return value
+        """What the trigger rule compares with after a message: its value, or what was watched then."""
+        if not self._sends_other:
+            return value
+        assert self._seen is not None
+        window, watched, _ = self._seen
+        return watched[tick - window.start]  # type: ignore[no-any-return]
+
+    def formed(self, states: FloatArray, tick: int) -> FloatArray:
+        """The signal of states from a tick on, free of noise and filters."""
+        return self._formed("evaluate", self.signal.size, states, tick)
+
+    def _formed(self, method: str, size: int, states: FloatArray, tick: int) -> FloatArray:
+        count = states.shape[0]
+        told = (np.arange(tick, tick + count, dtype=np.int64),) if self._component.takes(method, "ticks") else ()
+        return self._component.rows(count, size, method, states, *told)
 
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
         """What the trigger watches and what would be sent, for each sample of a window that is not committed."""
         if self._seen is not None and self._seen[0] is window:
             return self._seen[1], self._seen[2]
-        true = self.signal.evaluate(window.samples)
-        watched = sent = true
+        watched, sent = self._both(window.samples, window.start)
         if self._noise.enters is not NoiseEnters.NOWHERE:
             count = window.samples.shape[0]
-            errors = normals(self._key, window.start, count, self._plant.noise_width) * self._sigmas
-            noisy = self.signal.evaluate(self._plant.measured(window.samples, errors))
-            watched = noisy if self._noise.enters in (NoiseEnters.TRIGGER, NoiseEnters.BOTH) else true
-            sent = noisy if self._noise.enters in (NoiseEnters.TRANSMITTED, NoiseEnters.BOTH) else true
+            errors = normals(self._key, window.start, count, self._sigmas.size) * self._sigmas
+            measured = self._senses.rows(count, window.samples.shape[1], "measured", window.samples, errors)
+            noisy, noisy_sent = self._both(measured, window.start)
+            watched = noisy if self._noise.enters in (NoiseEnters.TRIGGER, NoiseEnters.BOTH) else watched
+            sent = noisy_sent if self._noise.enters in (NoiseEnters.TRANSMITTED, NoiseEnters.BOTH) else sent
         if self._gain != 1.0:
             last, *memory = self._memory or (window.start - 1, watched[0], sent[0])
             committed = max(0, last + 1 - window.start)
@@ -172,3 +196,8 @@ class Sensor(Module):
             )
         self._seen = (window, watched, sent)
         return watched, sent
+
+    def _both(self, states: FloatArray, tick: int) -> tuple[FloatArray, FloatArray]:
+        """What is watched and what would be sent of states."""
+        watched = self.formed(states, tick)
+        return watched, self._formed("sent", self.outputs["signal"], states, tick) if self._sends_other else watched

@@ -12,43 +12,16 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
-from etac_ros.laws.law import ModalLaw, RelativeSignal, TickArray, TimedLaw, WatchedLaw
+from etac_ros.graph.promises import Component
+from etac_ros.graph.role import Acts, Role
+from etac_ros.laws.law import RelativeSignal, TickArray, WatchedLaw
+from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.triggers.rule import TriggerRule
+from etac_ros.triggers.rule import AnyRule
 
 # Rows of a watched law begin with its torque.
 _TORQUE, _TORQUE_UNIT = "τ", "N m"
-
-
-class TimedController(Module):
-    """Answers each received signal with the torque of a law that knows the time.
-
-    Parameters
-    ----------
-    context
-        Name, grid, and the wire format of the port ``command``.
-    parameters
-        None.
-    law
-        Computes the torque.
-    """
-
-    components = ("law",)
-    answers = True
-    timed = True
-
-    def __init__(self, context: Context, parameters: Parameters, law: TimedLaw) -> None:
-        super().__init__(context)
-        self.inputs = {"signal": law.signal_size}
-        self.outputs = {"command": law.command_size}
-        self._law = law
-        self._wire = self.wire("command")
-
-    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
-        """Compute the torque for the newest signal."""
-        torque = self._law.torque(_row(arrivals[-1].value), _now(tick))
-        return {"command": self._wire.rounded(torque[0])}
 
 
 class Sends(StrEnum):
@@ -64,23 +37,6 @@ class RelativeSensorParameters(Parameters):
     """Parameters of :class:`RelativeSensor` beside its components."""
 
     sends: Sends = Field(default=Sends.TORQUE, description="torque or measurement")
-
-
-class _Decision:
-    """A trigger rule together with what was last transmitted."""
-
-    def __init__(self, rule: TriggerRule) -> None:
-        self._rule = rule
-        self._held: FloatArray | None = None
-        self._held_tick: int | None = None
-
-    def fires(self, watched: FloatArray, tick: int) -> bool:
-        """Whether the rule holds for this one row; the first always fires."""
-        return self._held is None or self._rule.first(watched, tick, self._held, self._held_tick) == 0
-
-    def hold(self, torque: FloatArray, tick: int) -> None:
-        """Take a torque for transmitted."""
-        self._held, self._held_tick = torque, tick
 
 
 class RelativeSensor(Module):
@@ -104,8 +60,7 @@ class RelativeSensor(Module):
 
     Parameters = RelativeSensorParameters
     components = ("measurement", "law", "trigger")
-    passive = True
-    triggers = "signal"
+    role = Role(Acts.ON_ARRIVAL, triggers="signal")
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
@@ -115,7 +70,7 @@ class RelativeSensor(Module):
         parameters: RelativeSensorParameters,
         measurement: RelativeSignal,
         law: WatchedLaw,
-        trigger: TriggerRule,
+        trigger: AnyRule,
     ) -> None:
         super().__init__(context)
         if context.plant is None:
@@ -126,21 +81,25 @@ class RelativeSensor(Module):
         self.inputs = {"torque": 3}
         self.outputs = {"signal": law.command_size if parameters.sends is Sends.TORQUE else measurement.size}
         self._sends = parameters.sends
-        self._wire = self.wire("signal")
-        self._decision = _Decision(trigger)
+        self._measures = Component(context.name, measurement)
+        self._watches = Component(context.name, law)
+        self.hold = Hold(self, "signal", trigger)
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Measure with the torque that has just arrived, and transmit if the rule holds."""
         assert tick is not None
         assert sample is not None
-        measured = self.measurement.evaluate(_row(sample), _row(arrivals[-1].value), _now(tick))
-        watched = self.law.watched(measured, _now(tick))
-        if not self._decision.fires(watched, tick):
+        ticks = np.array([tick], dtype=np.int64)
+        torque = _row(arrivals[-1].value)
+        measured = self._measures.rows(1, self.measurement.size, "evaluate", _row(sample), torque, ticks)
+        watched = _watched(self._watches, measured, ticks)
+        if not self.hold.decides(watched, tick):
             return {}
-        chosen = watched[0, : self._wire.size] if self._sends is Sends.TORQUE else measured[0]
-        sent = self._wire.rounded(chosen)
-        self._decision.hold(self.held_by(sent, tick), tick)
-        return {"signal": sent}
+        if self._sends is Sends.TORQUE:
+            return {"signal": self.hold.send(watched[0, : self.law.command_size], tick)}
+        # The rule compares with what the follower makes of it: the law on what comes off the wire.
+        sent = self.wire("signal").rounded(measured[0])
+        return {"signal": self.hold.send(sent, tick, compared=self.held_by(sent, tick))}
 
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown of each sample with the leader's torque of the same tick."""
@@ -154,7 +113,11 @@ class RelativeSensor(Module):
 
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
         """The torque that the follower holds after a message: its value, or the law on what came off the wire."""
-        return value if self._sends is Sends.TORQUE else self.law.torque(_row(value), _now(tick))[0]
+        return (
+            value
+            if self._sends is Sends.TORQUE
+            else self._watches.vector(self.law.command_size, "command", value, tick)
+        )
 
 
 class TriggeredController(Module):
@@ -173,29 +136,26 @@ class TriggeredController(Module):
     """
 
     components = ("law", "trigger")
-    passive = True
-    triggers = "command"
+    role = Role(Acts.ON_ARRIVAL, triggers="command")
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
-    def __init__(self, context: Context, parameters: Parameters, law: WatchedLaw, trigger: TriggerRule) -> None:
+    def __init__(self, context: Context, parameters: Parameters, law: WatchedLaw, trigger: AnyRule) -> None:
         super().__init__(context)
         self.trigger = trigger
         self.inputs = {"signal": law.signal_size}
         self.outputs = {"command": law.command_size}
         self._law = law
-        self._wire = self.wire("command")
-        self._decision = _Decision(trigger)
+        self._watches = Component(context.name, law)
+        self.hold = Hold(self, "command", trigger)
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Send the torque on if the rule holds."""
         assert tick is not None
-        watched = self._law.watched(_row(arrivals[-1].value), _now(tick))
-        if not self._decision.fires(watched, tick):
+        watched = _watched(self._watches, _row(arrivals[-1].value), np.array([tick], dtype=np.int64))
+        if not self.hold.decides(watched, tick):
             return {}
-        held = self._wire.rounded(watched[0, : self._wire.size])
-        self._decision.hold(held, tick)
-        return {"command": held}
+        return {"command": self.hold.send(watched[0, : self._law.command_size], tick)}
 
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown at each tick, if something arrives at each."""
@@ -206,48 +166,6 @@ class TriggeredController(Module):
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
         """The torque that is held after a message: its value."""
         return value
-
-
-class ModalControllerParameters(Parameters):
-    """Parameters of :class:`ModalController` beside its law."""
-
-    first_mode: int = Field(ge=0, description="column of the plant's state where the modes begin")
-    modes: int = Field(gt=0, description="columns: coordinates, then rates")
-
-
-class ModalController(Module):
-    """A controller whose law takes the modes of the flexible plant as known: an idealised baseline.
-
-    Parameters
-    ----------
-    context
-        The plant, and the wire format of the port ``command``.
-    parameters
-        Where the modes stand in the plant's state.
-    law
-        Computes the torque.
-    """
-
-    Parameters = ModalControllerParameters
-    components = ("law",)
-    passive = True
-    triggers = "command"
-
-    def __init__(self, context: Context, parameters: ModalControllerParameters, law: ModalLaw) -> None:
-        super().__init__(context)
-        if context.plant is None:
-            raise ValueError("this controller needs a plant whose modes it reads")
-        self.inputs = {"signal": law.signal_size}
-        self.outputs = {"command": law.command_size}
-        self._law = law
-        self._wire = self.wire("command")
-        self._modes = slice(parameters.first_mode, parameters.first_mode + parameters.modes)
-
-    def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
-        """Compute the torque for the newest signal."""
-        assert sample is not None
-        torque = self._law.torque(_row(arrivals[-1].value), _row(sample[self._modes]), _now(tick))
-        return {"command": self._wire.rounded(torque[0])}
 
 
 def _row(values: FloatArray) -> FloatArray:
@@ -262,7 +180,11 @@ def _newest(heard: Heard, first: int, last: int) -> FloatArray | None:
     return np.array([heard[tick][-1].value for tick in range(first, last + 1)])
 
 
-def _now(tick: int | None) -> TickArray:
-    if tick is None:
-        raise ValueError("this module needs to know the tick, and nobody has told it")
-    return np.array([tick], dtype=np.int64)
+def _watched(law: Component, measured: FloatArray, ticks: TickArray) -> FloatArray:
+    """What a law shows the trigger rule of one sample; finite, since that sample is certain."""
+    found = law.call("watched", measured, ticks)
+    width = found.shape[1] if isinstance(found, np.ndarray) and found.ndim == 2 else -1
+    watched = law.array((1, width), "watched", found)
+    if not np.isfinite(watched).all() and np.isfinite(measured).all():
+        raise law.broken("watched", f"gives {watched[0].tolist()} for finite arguments", "finite numbers")
+    return watched

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from etac_ros.graph.module import Arrivals, Window
 from etac_ros.parameters import FloatArray
-from etac_ros.triggers.rule import TriggerRule
+from etac_ros.triggers.rule import AnyRule
 
 Heard = Mapping[int, Arrivals]
 """All that arrived at a module, by tick; within a tick in the order of its steps."""
@@ -19,7 +19,7 @@ NOTHING: Heard = MappingProxyType({})
 class Triggering(Protocol):
     """A module that transmits when its trigger rule says so. It is asked on a fresh graph, which no engine has run."""
 
-    trigger: TriggerRule
+    trigger: AnyRule
 
     @property
     def watched_label(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeGuard
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from etac_ros.plants.watch import Watch
 
 
 class Plant(Protocol):
-    """Continuous dynamics sampled on the tick grid under a held input.
+    """Continuous dynamics sampled on the tick grid under a held input: a servo with two states, for instance.
+
+    What is more than that is a plant of another kind, which has the members of that kind besides: attitude, noisy
+    sensors, a moving reference, watched quantities, elastic modes, several bodies.
 
     A plant is immutable: its state belongs to the module that simulates it, so a window of samples ahead can be
     computed and dropped without a trace.
@@ -24,12 +27,6 @@ class Plant(Protocol):
     """Name of each state component, with its unit."""
     inputs: dict[str, int]
     """Size of each input port; the held input is their concatenation in this order."""
-    noise_width: int
-    """Normal deviates that :meth:`measured` takes a sample; 0 where the sensors are ideal."""
-    attitude_slice: slice
-    """Where the attitude error stands in the state."""
-    rate_slice: slice
-    """Where the angular velocity error [rad/s] stands in the state."""
 
     def initial_state(self) -> FloatArray:
         """State at tick 0."""
@@ -39,9 +36,31 @@ class Plant(Protocol):
         """States at ``tick + 1 .. tick + count``, shape (count, n), from the state at ``tick``."""
         ...
 
+
+class MeasuredPlant(Plant, Protocol):
+    """A plant whose sensors may be noisy. The sensors of a plain :class:`Plant` are ideal."""
+
+    noise_width: int
+    """Normal deviates that :meth:`measured` takes a sample; 0 where the sensors are ideal."""
+
     def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
         """What sensors with the given errors see; ``errors`` has shape (n, noise_width)."""
         ...
+
+
+def noise_width_of(plant: Plant) -> int:
+    """Normal deviates that a plant's sensors take a sample; 0 where they are ideal."""
+    found: int = getattr(plant, "noise_width", 0)
+    return found
+
+
+class AttitudePlant(Plant, Protocol):
+    """A plant that has an attitude. Of any other, no attitude is reported."""
+
+    attitude_slice: slice
+    """Where the attitude error stands in the state."""
+    rate_slice: slice
+    """Where the angular velocity error [rad/s] stands in the state."""
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """Attitude error as 3-2-1 Euler angles [rad], shape (n, 3)."""
@@ -50,6 +69,11 @@ class Plant(Protocol):
     def attitude_angle(self, states: FloatArray) -> FloatArray:
         """Attitude error as one angle [rad], shape (n,)."""
         ...
+
+
+def has_attitude(plant: Plant) -> TypeGuard[AttitudePlant]:
+    """Whether a plant has an attitude."""
+    return hasattr(plant, "attitude_angle")
 
 
 class GuidedPlant(Plant, Protocol):
@@ -113,8 +137,10 @@ class Body:
 
 
 def bodies_of(plant: Plant) -> tuple[Body, ...]:
-    """The bodies of a plant: what its method ``bodies`` says, else the one whose error it controls."""
+    """The bodies of a plant: what its method ``bodies`` says, else the one whose error it controls, if it has any."""
     bodies = getattr(plant, "bodies", None)
     if bodies is not None:
         return tuple(bodies())
+    if not has_attitude(plant):
+        return ()
     return (Body("", plant.euler_angles, lambda states: states[:, plant.rate_slice]),)

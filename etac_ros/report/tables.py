@@ -148,7 +148,8 @@ def traffic_table(view: View) -> Table:
         ("topic", *headings, "type"),
         tuple(rows),
         (
-            "Payload: 4 bytes a component, as the papers count. CDR: the serialized messages, as recorded.",
+            "Payload: 4 bytes a component of float32, as the papers count, 8 of float64. "
+            "CDR: the serialized messages, as recorded.",
             "The emulation plane carries what is light or torque in hardware, and the simulator's own; it is "
             "never added to the network. Only what the bag holds of it stands here.",
         ),
@@ -183,7 +184,10 @@ def performance_table(view: View) -> Table:
                 figures.rate_deg_s,
                 figures.max_rate_deg_s,
             )
-            of_run[name] = (*(f"{number:.3g}" for number in numbers), f"{figures.energy_n2m2s:.4g}")
+            of_run[name] = (
+                *("" if number is None else f"{number:.3g}" for number in numbers),
+                f"{figures.energy_n2m2s:.4g}",
+            )
         found.append(of_run)
     columns = (
         "error at the end [deg]",

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.metrics.curves import attitude_angle, transient_end_s, trigger_modules
+from etac_ros.metrics.curves import attitude_angle, attitude_plants, transient_end_s, trigger_modules
 from etac_ros.metrics.decisions import Decisions, Margins, decisions, margins
 from etac_ros.report.source import ReportedRun
 from etac_ros.scenario.schema import PublishedFigure
@@ -68,7 +68,9 @@ class View:
     def cut_s(self) -> float | None:
         """Where the steady state of the reported run begins, the same in all figures [s]; None if they stay whole."""
         run = self.run
-        errors = [attitude_angle(run.graph, run.recording, plant) for plant in run.graph.plants]
+        errors = [attitude_angle(run.graph, run.recording, plant) for plant in attitude_plants(run.graph)]
+        if not errors:
+            return None
         return transient_end_s(errors, run.summary.steady_from_s)
 
     @property

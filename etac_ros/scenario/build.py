@@ -19,11 +19,14 @@ from etac_ros.modules.actuator import Actuator
 from etac_ros.modules.controller import Controller
 from etac_ros.modules.sensor import Sensor
 from etac_ros.scenario.classes import (
-    check_attributes,
+    Interface,
     check_methods,
+    check_module,
+    component,
     import_class,
     interface,
     made,
+    parameters_of,
     validated,
     with_parameters,
 )
@@ -74,13 +77,13 @@ def _check_keys(module: type[Module], given: Mapping[str, Any], where: str) -> N
             raise unknown_key(key, [*own, *field_names(NodeSection)], f"{where}.{key}")
 
 
-def _component_parameters(given: Any, wanted: type | None, where: str) -> dict[str, Any]:
+def _component_parameters(given: Any, wanted: Interface, where: str) -> dict[str, Any]:
     if not isinstance(given, dict) or "class" not in given:
         raise ScenarioError(where, f"found {shown(given)}", _COMPONENT)
     values = {key: value for key, value in given.items() if key != "class"}
     kind = with_parameters(import_class(str(given["class"]), f"{where}.class"), f"{where}.class")
     check_methods(kind, wanted, f"{where}.class")
-    checked = validated(kind.Parameters, values, where)
+    checked = validated(parameters_of(kind, wanted), values, where)
     return {"class": given["class"], **checked.model_dump(mode="json", exclude_none=True)}
 
 
@@ -123,7 +126,10 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     formats: dict[str, dict[str, WireFormat]] = {name: {} for name in nodes}
     for name, section in run.links.items():
         node, port = ends[name][0]
-        formats[node][port] = _format(section, run)
+        # A value goes out once: where a port has several links, it is rounded to the coarsest of them.
+        wire = _format(section, run)
+        if wire is WireFormat.COMPACT or port not in formats[node]:
+            formats[node][port] = wire
     modules: dict[str, Module] = {}
     # Plants first: their readers are told of them when they are built.
     plants = [
@@ -171,14 +177,15 @@ def _module(
             raise ScenarioError(f"{where}.reads", f"'{reads}' is no plant", f"one of: {', '.join(plants)}")
         plant = source.plant
     components: dict[str, Any] = {}
-    for component in kind.components:
-        values = dict(section.pop(component))
-        part = import_class(values.pop("class"), f"{where}.{component}.class")
-        parameters = validated(part.Parameters, values, f"{where}.{component}")  # type: ignore[attr-defined]
-        components[component] = made(part, f"{where}.{component}", parameters, run.ticks_per_second)
-        check_attributes(components[component], interface(kind, component), f"{where}.{component}.class")
+    for part in kind.components:
+        values = dict(section.pop(part))
+        named = import_class(values.pop("class"), f"{where}.{part}.class")
+        wanted = interface(kind, part)
+        parameters = validated(parameters_of(named, wanted), values, f"{where}.{part}")
+        components[part] = component(named, wanted, parameters, run.ticks_per_second, f"{where}.{part}")
     context = Context(name, run.ticks_per_second, run.seed, plant, formats, incoming)
     module: Module = made(kind, where, context, validated(kind.Parameters, section, where), **components)
+    check_module(module, where)
     return module
 
 
@@ -196,7 +203,7 @@ def _ends(
 
 
 def _format(section: LinkSection, run: RunSection) -> WireFormat:
-    return WireFormat.EXACT if section.kind is LinkKind.PHYSICAL else section.wire or run.wire
+    return WireFormat.DOUBLE if section.kind is LinkKind.PHYSICAL else section.wire or run.wire
 
 
 def _link(

@@ -5,15 +5,22 @@ from __future__ import annotations
 import importlib
 import inspect
 import json
+import traceback
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Generic, Protocol, TypeVar, get_type_hints
+from types import UnionType
+from typing import Any, Generic, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ValidationError, create_model
 
-from etac_ros.errors import ScenarioError
+from etac_ros.errors import EtacError, ScenarioError
+from etac_ros.graph.module import Module
+from etac_ros.graph.promises import failed_in_etac_ros, failure, users_traceback
+from etac_ros.graph.role import Role
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
+from etac_ros.triggers.rule import AnyRule
+from etac_ros.triggers.timing import RuleTiming, timed
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -31,10 +38,12 @@ def import_class(path: str, where: str) -> type:
         raise ScenarioError(where, f"found '{path}'", "a class as package.module:Class")
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # a user's module can fail in any way at import
+    except (Exception, SystemExit) as error:  # a user's module can fail in any way at import
+        missing = isinstance(error, ImportError)
         raise ScenarioError(
             where, f"'{module_name}' cannot be imported ({type(error).__name__}: {error})", "",
-            "is its package installed in this environment, or its folder on PYTHONPATH?",
+            "is its package installed in this environment, or its folder on PYTHONPATH?" if missing else "",
+            "" if missing else users_traceback(error),
         ) from None  # fmt: skip
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
@@ -101,15 +110,25 @@ def made(kind: type, where: str, *arguments: Any, **components: Any) -> Any:
     Raises
     ------
     ScenarioError
-        If the constructor does not take these arguments, or refuses them.
+        If the constructor does not take these arguments, refuses them, or raises an exception, whose traceback stands
+        below then.
     """
     try:
         return kind(*arguments, **components)
-    except ValueError as error:
-        raise ScenarioError(where, str(error)) from None
-    except TypeError:
-        _check_signature(kind, where, arguments, components)
-        raise  # the fault is not in how it was called
+    except EtacError:
+        raise
+    except (Exception, SystemExit) as error:
+        if isinstance(error, TypeError):
+            _check_signature(kind, where, arguments, components)
+        if isinstance(error, ValueError) and _raised_by_constructor(error):
+            raise ScenarioError(where, str(error)) from None
+        raise failure(where, f"{kind.__name__}.__init__", error, ScenarioError) from error
+
+
+def _raised_by_constructor(error: BaseException) -> bool:
+    """Whether a constructor itself refuses what it is given; else something that it calls has failed."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return not frames or len(frames) == 2 or failed_in_etac_ros(error)
 
 
 def _check_signature(kind: type, where: str, arguments: tuple[Any, ...], components: dict[str, Any]) -> None:
@@ -124,10 +143,53 @@ def _check_signature(kind: type, where: str, arguments: tuple[Any, ...], compone
         ) from None
 
 
-def interface(kind: type, component: str) -> type | None:
-    """The protocol that a module class asks of one of its components: its constructor's annotation."""
-    found = _hints(kind.__init__).get(component)  # type: ignore[misc]
-    return found if getattr(found, "_is_protocol", False) else None
+Interface = tuple[type, ...]
+"""The protocols of which a class has to keep one; none where nothing is asked."""
+
+
+def interface(kind: type, component: str) -> Interface:
+    """What a module class asks of one of its components: its constructor's annotation, a protocol or several."""
+    return _protocols(_hints(kind.__init__).get(component))  # type: ignore[misc]
+
+
+def _protocols(annotation: Any) -> Interface:
+    alternatives = get_args(annotation) if get_origin(annotation) in (UnionType, Union) else (annotation,)
+    return tuple(found for found in alternatives if getattr(found, "_is_protocol", False))
+
+
+_RULES = _protocols(AnyRule)
+
+
+def parameters_of(kind: type, wanted: Interface) -> type[BaseModel]:
+    """The parameter class of a component: its own, and that of the times around it where it is a trigger rule."""
+    own: type[BaseModel] = kind.Parameters  # type: ignore[attr-defined]  # with_parameters() has seen to that
+    return own if wanted != _RULES else _with_timing(own)
+
+
+@cache
+def _with_timing(own: type[BaseModel]) -> type[BaseModel]:
+    shared = [name for name in RuleTiming.model_fields if name in own.model_fields]
+    if shared:  # the rule has its own idea of them
+        return own
+    bases = (own,) if issubclass(RuleTiming, own) else (own, RuleTiming)
+    if issubclass(RuleTiming, own):
+        return RuleTiming
+    return create_model(own.__name__, __base__=bases, __module__=own.__module__, __doc__=own.__doc__)
+
+
+def component(kind: type, wanted: Interface, parameters: BaseModel, ticks_per_second: int, where: str) -> Any:
+    """The object of a component, with the times around it where it is a trigger rule.
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot be made, or lacks attributes that its module asks for.
+    """
+    built = made(kind, where, parameters, ticks_per_second)
+    check_attributes(built, wanted, f"{where}.class")
+    if isinstance(parameters, RuleTiming):
+        return made(timed, where, built, parameters, ticks_per_second)  # type: ignore[arg-type]  # it makes an object
+    return built
 
 
 @cache  # a sweep builds thousands of graphs, and annotations do not change
@@ -138,27 +200,65 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
         return {}
 
 
-def check_methods(kind: type, wanted: type | None, where: str) -> None:
+def check_module(module: Module, where: str) -> None:
+    """Refuse a module whose ports and role make no sense, as soon as it is built."""
+    name = type(module).__name__
+    for direction in ("inputs", "outputs"):
+        ports = getattr(module, direction, None)
+        if not isinstance(ports, dict):
+            remedy = "call super().__init__(context) first" if ports is None else ""
+            raise ScenarioError(where, f"{name} has no dict '{direction}'", "a size for each port", remedy)
+        for port, size in ports.items():
+            if isinstance(size, bool) or not isinstance(size, int) or size < 1:
+                raise ScenarioError(where, f"{name}.{direction}[{port!r}] is {size!r}", "components: an int from 1 on")
+    if not isinstance(module.role, Role):
+        raise ScenarioError(where, f"{name}.role is {module.role!r}", "a Role of etac_ros.graph.role")
+    try:
+        module.role.check_ports(module.inputs, module.outputs)
+    except ValueError as error:
+        raise ScenarioError(where, f"the role of {name}: {error}") from None
+
+
+def check_methods(kind: type, wanted: Interface, where: str) -> None:
     """Refuse a class that lacks methods of a protocol."""
-    members = {name for base in _bases(wanted) for name, value in vars(base).items() if callable(value)}
-    _refuse_if_lacking(kind, kind.__name__, members, wanted, where)
+
+    def members(base: type) -> set[str]:
+        return {name for name, value in vars(base).items() if callable(value)}
+
+    _refuse_if_lacking(kind, kind.__name__, wanted, members, where)
 
 
-def check_attributes(built: Any, wanted: type | None, where: str) -> None:
+def check_attributes(built: Any, wanted: Interface, where: str) -> None:
     """Refuse an object that lacks attributes of a protocol; its constructor may have set them."""
-    members = {name for base in _bases(wanted) for name in base.__annotations__}
-    _refuse_if_lacking(built, type(built).__name__, members, wanted, where)
+
+    def members(base: type) -> set[str]:
+        return set(base.__annotations__)
+
+    _refuse_if_lacking(built, type(built).__name__, wanted, members, where)
 
 
-def _bases(wanted: type | None) -> list[type]:
-    return [] if wanted is None else [base for base in wanted.__mro__ if base not in (Protocol, Generic, object)]
+def _bases(wanted: type) -> list[type]:
+    return [base for base in wanted.__mro__ if base not in (Protocol, Generic, object)]
 
 
-def _refuse_if_lacking(found: Any, name: str, members: set[str], wanted: type | None, where: str) -> None:
-    lacking = [f"'{name}'" for name in sorted(members) if not name.startswith("_") and not hasattr(found, name)]
-    if wanted is not None and lacking:
-        raise ScenarioError(
-            where,
-            f"{name} has no {', '.join(lacking)}",
-            f"a class like {wanted.__module__}:{wanted.__name__}",
+def _refuse_if_lacking(
+    found: Any, name: str, wanted: Interface, members: Callable[[type], set[str]], where: str
+) -> None:
+    """Refuse what has not all the members of any one protocol; the one that it comes nearest to is shown."""
+    lacking = {
+        protocol: sorted(
+            member
+            for base in _bases(protocol)
+            for member in members(base)
+            if not member.startswith("_") and not hasattr(found, member)
         )
+        for protocol in wanted
+    }
+    if not lacking or not all(lacking.values()):
+        return
+    nearest = min(lacking, key=lambda protocol: len(lacking[protocol]))
+    raise ScenarioError(
+        where,
+        f"{name} has no {', '.join(map(repr, lacking[nearest]))}",
+        f"a class like {nearest.__module__}:{nearest.__name__}",
+    )

@@ -3,8 +3,8 @@
 Node templates have names that begin with ``/*/``, as have keys of ``dispersion``; a link is a template where its
 ``from`` contains ``{self}``. In them stand, in braces:
 
-``{self}``
-    Namespace of the spacecraft, such as ``sc1``.
+``{self}``, ``{number}``
+    Namespace of the spacecraft, such as ``sc1``, and its number, 1.
 ``{neighbours}``, ``{listeners}``
     Namespaces that it hears, and that hear it, in ascending order. In a text of ``to`` they stand for one text each.
 ``{listener}``
@@ -52,7 +52,9 @@ class FormationSection(Parameters):
     prefix: str = Field(
         default="sc", pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="namespaces are PREFIX1, PREFIX2, ..."
     )
-    adjacency: tuple[FiniteFloat, ...] = Field(description="a_ij, row by row: row i is whom spacecraft i hears")
+    adjacency: tuple[FiniteFloat, ...] = Field(
+        default=(), description="a_ij, row by row: row i is whom spacecraft i hears; empty: nobody hears anybody"
+    )
     extra_edges: NonNegativeInt | None = Field(
         default=None, description="of a generated graph, beside its ring; default n"
     )
@@ -101,6 +103,7 @@ def expanded(sections: Tree, file: str) -> Tree:
     for i, name in enumerate(names):
         known = {
             "self": name,
+            "number": i + 1,
             "neighbours": [names[j] for j in graph.in_neighbours(i)],
             "listeners": [names[j] for j in graph.out_neighbours(i)],
             "weights": list(graph.weights(i)),
@@ -130,6 +133,8 @@ def _for_each(dispersion: Mapping[str, Any], names: list[str]) -> dict[str, Any]
 
 
 def _graph(formation: FormationSection, where: str) -> Digraph:
+    if not formation.adjacency:
+        return Digraph.from_rows([[0.0] * formation.n] * formation.n)
     try:
         printed = Digraph.from_flat(formation.adjacency)
         if printed.size == formation.n:
@@ -146,7 +151,7 @@ def _graph(formation: FormationSection, where: str) -> Digraph:
 
 
 def _values(formation: FormationSection, i: int, where: str) -> dict[str, list[float]]:
-    given = math.isqrt(len(formation.adjacency))
+    given = math.isqrt(len(formation.adjacency)) or formation.n
     found = {}
     for name, numbers in formation.values.items():
         size, rest = divmod(len(numbers), given)

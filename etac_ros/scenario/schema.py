@@ -21,17 +21,8 @@ from etac_ros.graph.wire import WireFormat
 from etac_ros.parameters import Parameters, exactly_one
 
 
-def _network_wire(value: WireFormat) -> WireFormat:
-    if value is WireFormat.EXACT:
-        raise ValueError("'compact' or 'stamped'; exact is the emulation plane's own")
-    return value
-
-
 def _without_null(value: Any) -> Any:
     return {key: kept for key, kept in value.items() if kept is not None} if isinstance(value, dict) else value
-
-
-LinkWire = Annotated[WireFormat, AfterValidator(_network_wire)]
 
 
 class LinkSection(Parameters):
@@ -41,7 +32,7 @@ class LinkSection(Parameters):
     to: tuple[str, ...] = Field(min_length=1, description="NODE or NODE:PORT, one or more")
     kind: LinkKind
     topic: str | None = Field(default=None, description="default: the sender's namespace and the link's name")
-    wire: LinkWire | None = Field(default=None, description="default: the scenario's wire")
+    wire: WireFormat | None = Field(default=None, description="default: the scenario's wire")
     delay_ticks: NonNegativeInt = 0
     loss: float = Field(default=0.0, ge=0.0, lt=1.0)
     outages: dict[str, tuple[FiniteFloat, ...]] = Field(
@@ -211,7 +202,7 @@ class RunSection(Parameters):
     ticks_per_second: PositiveInt
     duration_s: PositiveFloat
     seed: NonNegativeInt = 0
-    wire: LinkWire = WireFormat.COMPACT
+    wire: WireFormat = WireFormat.COMPACT
     windows: WindowSection = WindowSection()
     links: dict[str, LinkSection]
     steady_from_s: float | None = Field(

@@ -70,7 +70,7 @@ def figures_of(summary: Summary) -> dict[str, float]:
     found["internal_messages"] = float(summary.internal.messages)
     for plant, performance in summary.performance.items():
         suffix = "" if len(summary.performance) == 1 else plant.replace("/", "_")
-        found.update({f"{name}{suffix}": value for name, value in performance.model_dump().items()})
+        found.update({f"{name}{suffix}": value for name, value in performance.model_dump(exclude_none=True).items()})
     for node, watches in summary.watches.items():
         suffix = "" if len(summary.watches) == 1 else node.replace("/", "_")
         found.update({f"largest_{watch.name.replace(' ', '_')}{suffix}": watch.largest for watch in watches})

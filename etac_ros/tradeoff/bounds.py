@@ -19,7 +19,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.metrics.published import held_torque
 from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray, square
-from etac_ros.plants.plant import errors_of
+from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.runs import simulate
 from etac_ros.scenario.load import Scenario
 
@@ -162,6 +162,7 @@ def _motion(graph: Graph, recording: Recording) -> tuple[float, float, float]:
         assert isinstance(module, PlantModule)
         tick, states = recording.samples(name)
         plant = module.plant
+        assert has_attitude(plant)  # the bound is that of a spacecraft
         reference = states - errors_of(plant, states, tick)
         for motion in (states, reference):
             attitudes, rates = motion[:, plant.attitude_slice], motion[:, plant.rate_slice]

@@ -14,7 +14,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.plant import PlantModule
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import steady_from_s
-from etac_ros.plants.plant import errors_of
+from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.document import EVERYWHERE, choice
 from etac_ros.scenario.load import Scenario, available, load
 from etac_ros.scenario.schema import Published, PublishedFigure, TradeoffCurve, TradeoffSection
@@ -140,9 +140,11 @@ def start_error_deg(scenario: Scenario) -> float:
     for name in graph.plants:
         module = graph.modules[name]
         assert isinstance(module, PlantModule)
+        if not has_attitude(module.plant):
+            continue
         start = errors_of(module.plant, module.state[np.newaxis], 0)
         angles.append(float(np.degrees(module.plant.attitude_angle(start)[0])))
-    return max(angles)
+    return max(angles, default=0.0)
 
 
 def _plan(scenario: Scenario, where: str, runs: int, variant: str | None, curve: TradeoffCurve | None = None) -> Plan:

@@ -1,14 +1,22 @@
-"""What every trigger rule offers to the sensor module."""
+"""What every trigger rule offers to the module that transmits."""
 
 from __future__ import annotations
 
 from typing import ClassVar, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from etac_ros.parameters import FloatArray, Parameters
 
 
 class TriggerRule(Protocol):
-    """Decides at which sample the sensor module transmits. Pure: looking twice changes nothing."""
+    """Decides at which sample a module transmits. Pure: looking twice changes nothing.
+
+    Thresholds may depend on the sample, on the value last sent, on the time and on the time since that was sent: so
+    self-triggered rules, dwell times, and errors against a model's prediction from the value last sent fit in here. A
+    rule whose threshold has dynamics of its own is a :class:`RuleWithMemory`.
+    """
 
     Parameters: ClassVar[type[Parameters]]
 
@@ -22,12 +30,47 @@ class TriggerRule(Protocol):
         tick
             Tick of ``signals[0]``.
         held
-            The value last transmitted, as it stood on the wire, shape (size,).
+            The last-sent value, as it stood on the wire, shape (size,).
         held_tick
-            Tick at which it was transmitted.
+            Tick at which it was sent.
         """
         ...
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Error and threshold of each sample from ``tick`` on, both of shape (n,); None where the rule has neither."""
         ...
+
+
+class RuleWithMemory(Protocol):
+    """A trigger rule that keeps something from one sample to the next, as dynamic triggering does.
+
+    The memory is handed in and out, so that looking ahead leaves no trace. It is folded over every sample. At an
+    instant it is folded over that instant's sample with the value that has just been sent, not with the one before.
+    """
+
+    Parameters: ClassVar[type[Parameters]]
+
+    def initial_memory(self) -> FloatArray:
+        """Memory before the sample after the first transmission, shape (m,). The first sample always is transmitted."""
+        ...
+
+    def fold(
+        self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int, memory: FloatArray
+    ) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+        """Whether each sample fires, shape (n,), and the memory after each, shape (n, m), if nothing is sent meanwhile.
+
+        Parameters
+        ----------
+        signals, tick, held, held_tick
+            As for :meth:`TriggerRule.first`.
+        memory
+            Before ``signals[0]``, shape (m,).
+        """
+        ...
+
+    def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """As for :class:`TriggerRule`; None where it takes the memory to tell."""
+        ...
+
+
+AnyRule = TriggerRule | RuleWithMemory

@@ -6,7 +6,8 @@ relative to.
 The rule as printed has no smallest threshold, and none is added: where state and error vanish together it
 fires (``0 >= 0``). It can also fall silent for good. At rest off the reference, with nothing held, the error
 is ``K |q|`` and the threshold ``epsilon delta |q|``; Table 2 has ``epsilon delta = 63.8 N m`` beyond every
-gain ``K_ps``, so that no offset ever fires. ``longest_silence_s`` is the way out: a heartbeat.
+gain ``K_ps``, so that no offset ever fires. The key ``longest_silence_s``, which every rule has, is the way out: a
+heartbeat.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from etac_ros.maths.compiled import inlined, kernel
-from etac_ros.maths.ticks import whole_ticks
 from etac_ros.parameters import FloatArray, Parameters
 
 _STATE_COLUMNS = 6
@@ -60,24 +60,15 @@ class StateRelativeThresholdParameters(Parameters):
     """Weight of the attitude beside the rate [1/s]."""
     epsilon: PositiveFloat
     """Threshold per unit of ``omega + delta q`` [N m s]."""
-    longest_silence_s: PositiveFloat | None = None
-    """Fires at the latest so long after the last time; None is the rule as printed."""
 
 
 class StateRelativeThreshold:
-    """Fires when the held torque is off the law's by ``epsilon |omega + delta q|``, or after a long silence.
+    """Fires when the held torque is off the law's by ``epsilon |omega + delta q|``.
 
     Parameters
     ----------
     parameters
-        ``delta``, ``epsilon``, and the longest silence, a whole number of ticks.
-    ticks_per_second
-        Rate of the tick grid [1/s].
-
-    Raises
-    ------
-    ValueError
-        If the longest silence is no whole number of ticks.
+        ``delta`` and ``epsilon``.
     """
 
     Parameters = StateRelativeThresholdParameters
@@ -85,8 +76,6 @@ class StateRelativeThreshold:
     def __init__(self, parameters: StateRelativeThresholdParameters, ticks_per_second: int) -> None:
         self._delta = parameters.delta
         self._epsilon = parameters.epsilon
-        silence = parameters.longest_silence_s
-        self._silence = None if silence is None else whole_ticks(silence, ticks_per_second)
 
     def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first sample that fires, or -1.
@@ -100,23 +89,15 @@ class StateRelativeThreshold:
         held
             The torque last transmitted, as it stood on the wire, shape (m,).
         held_tick
-            Tick at which it was transmitted; only a rule with a longest silence asks for it.
+            Not used.
 
         Raises
         ------
         ValueError
-            If sizes do not fit, or ``held_tick`` is missing and needed.
+            If sizes do not fit.
         """
         self._check(signals, held)
-        index = int(_first(signals, held, self._delta, self._epsilon))
-        if self._silence is None:
-            return index
-        if held_tick is None:
-            raise ValueError("a trigger rule with longest_silence_s needs the tick of the last transmission")
-        due = max(0, held_tick + self._silence - tick)
-        if due >= signals.shape[0]:
-            return index
-        return due if index < 0 else min(index, due)
+        return int(_first(signals, held, self._delta, self._epsilon))
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``|tau(t_k) - tau|`` and ``epsilon |omega + delta q|`` of each sample, both of shape (n,)."""

@@ -33,7 +33,7 @@ def _angle(run: ReportedRun, plants: tuple[str, ...]) -> Curve:
 
 
 def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
-    plants = view.run.graph.plants
+    plants = curves.attitude_plants(view.run.graph)
     if view.overlaid:
         for number, run in enumerate(view.runs):
             curve = _angle(run, plants)
@@ -54,12 +54,15 @@ def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
 
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
-    several = view.overlaid and len(view.run.graph.plants) > 1
+    plants = curves.attitude_plants(view.run.graph)
     lines = _RASTER_ROW_IN * len(raster.rows(view)) + 0.1
-    above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=[1.9, lines, 1.9])
-    _draw_angles(above, view, theme)
-    # Short, since a legend may stand beside it.
-    above.set_title("largest attitude error of all plants" if several else "attitude error, as one angle")
+    heights = [1.9, lines, 1.9] if plants else [lines, 1.9]
+    *angles, middle, below = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    for above in angles:
+        _draw_angles(above, view, theme)
+        # Short, since a legend may stand beside it.
+        several = view.overlaid and len(plants) > 1
+        above.set_title("largest attitude error of all plants" if several else "attitude error, as one angle")
     raster.draw_on(middle, view, theme)
     middle.set_title("triggering instants")
     volume.draw_on(below, view, theme)
@@ -72,7 +75,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         fontweight="bold",
         fontsize=9.5,
     )
-    figure.align_ylabels([above, below])
+    figure.align_ylabels([*angles, below])
 
 
 FIGURE = FigureKind(
@@ -81,6 +84,7 @@ FIGURE = FigureKind(
     draw=_draw,
     height_in=lambda view: _HEIGHT_IN + _RASTER_ROW_IN * (len(raster.rows(view)) - 1),
     caption=lambda view: (
-        "Attitude error as one angle, triggering instants, and the payload that had crossed the network."
+        ("Attitude error as one angle, t" if curves.attitude_plants(view.run.graph) else "T")
+        + "riggering instants, and the payload that had crossed the network."
     ),
 )

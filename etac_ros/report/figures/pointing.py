@@ -26,12 +26,13 @@ def _found(
     return [Quantity(row, label, unit, columns, partial(curve, row=row)) for row in curves.bodies(view.run.graph)]
 
 
-def _ends(view: View, figure: Callable[[Performance], float], unit: str) -> str:
+def _ends(view: View, figure: Callable[[Performance], float | None], unit: str) -> str:
     """The largest of a figure over the steady part, of each plant."""
     several = len(view.run.graph.plants) > 1
     ends = [
-        f"{figure(figures):.3g} {unit}" + (f" ({plant})" if several else "")
+        f"{value:.3g} {unit}" + (f" ({plant})" if several else "")
         for plant, figures in view.run.summary.performance.items()
+        if (value := figure(figures)) is not None
     ]
     return ", ".join(ends)
 
@@ -58,6 +59,7 @@ ATTITUDE = FigureKind(
         f"Attitude error as 3-2-1 Euler angles, from the committed samples. {view.steady_words} the error of this "
         f"run, taken as one angle, is {_ends(view, lambda figures: figures.max_attitude_error_deg, 'deg')} at most."
     ),
+    applies=lambda view: bool(curves.bodies(view.run.graph)),
 )
 RATE = FigureKind(
     name="rate",
@@ -68,4 +70,5 @@ RATE = FigureKind(
         f"Angular velocity error in body axes, from the committed samples. {view.steady_words} its norm in this "
         f"run is {_ends(view, lambda figures: figures.max_rate_deg_s, 'deg/s')} at most."
     ),
+    applies=lambda view: bool(curves.bodies(view.run.graph)),
 )

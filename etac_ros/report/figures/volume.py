@@ -97,7 +97,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
 
 
 def _caption(view: View) -> str:
-    text = "Payload that had crossed all network links together, 4 bytes a component, as the papers count."
+    text = "Payload that had crossed all network links together: 4 bytes a component of float32, 8 of float64."
     if view.paper_baseline is not None and view.baseline is None:
         text += (
             f" The dashed line spreads the {view.paper_baseline.value:,.0f} bytes published for the baseline "

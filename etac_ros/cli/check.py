@@ -1,0 +1,38 @@
+"""``etac check``: whether the classes of a scenario keep what both engines rely on."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+
+from etac_ros.check import check
+from etac_ros.cli.show import plain_table
+from etac_ros.scenario.load import Scenario
+
+
+def check_and_show(scenario: Scenario, ticks: int, console: Console) -> bool:
+    """Run a scenario in windows of several lengths and show what came of it.
+
+    Returns
+    -------
+    bool
+        Whether all is well.
+    """
+    checked = check(scenario, ticks)
+    table = plain_table("windows of")
+    for column in ("triggering instants", "messages"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("bits of messages and states", no_wrap=True)
+    for run in checked.runs:
+        table.add_row(f"{run.length}", f"{run.triggers:,}", f"{run.messages:,}", run.digest)
+    seconds = checked.ticks / scenario.run.ticks_per_second
+    console.print(
+        f"{scenario.run.title or scenario.name}: the first {checked.ticks:,} ticks ({seconds:g} s) in process"
+    )
+    console.print(table)
+    if not checked.faults:
+        console.print("the same bits in all windows; no class keeps a hidden state")
+    for fault in checked.faults:
+        print(f"etac: {fault}", file=sys.stderr)
+    return not checked.faults
