@@ -20,7 +20,7 @@ from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import type_of, window_topic
@@ -402,25 +402,6 @@ def make_readable(bag: Path) -> None:
         recover(bag)
     except BagError as error:
         print(f"the bag of the failed run could not be repaired: {error}")
-
-
-def baseline_of(scenario: Scenario) -> Scenario | None:
-    """The baseline with which a scenario compares itself, under the same overrides; None if it is the baseline.
-
-    Overrides of keys that the baseline does not have (its trigger rule is another class) are left out.
-    """
-    name = scenario.run.baseline
-    if name is None or name == scenario.variant or name not in scenario.variants:
-        return None
-    kept: list[str] = []
-    for key, value in scenario.overrides.items():
-        assignment = f"{key}={json.dumps(value)}"
-        try:
-            load(str(scenario.path), name, [*kept, assignment])
-        except EtacError:
-            continue
-        kept.append(assignment)
-    return load(str(scenario.path), name, kept)
 
 
 def scenario_in(bag: Path, folder: Path) -> Scenario:

@@ -22,14 +22,13 @@ from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
     RosOptions,
     Run,
-    baseline_of,
     free_bag_directory,
     play_part,
     run_in_process,
     run_over_ros,
     warm_up,
 )
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import Scenario, baseline_of, load
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,8 @@ from etac_ros.laws.digraph import Digraph, ring_with_random_edges
 from etac_ros.maths.noise import stream_key, uniforms
 from etac_ros.parameters import Parameters
 from etac_ros.scenario.classes import validated
-from etac_ros.scenario.document import EVERYWHERE, Tree, choice
+from etac_ros.scenario.document import EVERYWHERE, FORMATION, TEMPLATE, Tree, choice, merged
 
-FORMATION = "formation"
-"""Key of the section ``/**``."""
-_TEMPLATE = "/*/"
 _PAIR = "{listener}"
 _BRACES = re.compile(r"\{(\w+)\}")
 _EDGE = re.compile(r"\s*(\d+)\s*->\s*(\d+)\s*")
@@ -97,7 +94,7 @@ def expanded(sections: Tree, file: str) -> Tree:
     outages = _outages(formation, graph, names, where)
     nodes: dict[str, Any] = {}
     links: dict[str, Any] = {}
-    templates = {name: body for name, body in sections.items() if name.startswith(_TEMPLATE)}
+    templates = {name: body for name, body in sections.items() if name.startswith(TEMPLATE)}
     for i, name in enumerate(names):
         known = {
             "self": name,
@@ -107,7 +104,7 @@ def expanded(sections: Tree, file: str) -> Tree:
             **_values(formation, i, where),
         }
         for template, body in templates.items():
-            nodes[f"/{name}/{template.removeprefix(_TEMPLATE)}"] = _filled(body, known, f"{file}: {template}")
+            nodes[f"/{name}/{template.removeprefix(TEMPLATE)}"] = _filled(body, known, f"{file}: {template}")
         for link, body in (everywhere.get("links") or {}).items():
             if _is_template(body):
                 links.update(_links(link, body, known, outages, f"{file}: {EVERYWHERE}.links.{link}"))
@@ -116,8 +113,10 @@ def expanded(sections: Tree, file: str) -> Tree:
     everywhere["links"] = links
     if isinstance(everywhere.get("dispersion"), dict):
         everywhere["dispersion"] = _for_each(everywhere["dispersion"], names)
-    others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(_TEMPLATE)}
-    return {EVERYWHERE: everywhere, **others, **nodes}
+    others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(TEMPLATE)}
+    # A section of one spacecraft is laid over what the template gives it.
+    own = {name: merged(nodes[name], body) if name in nodes else body for name, body in others.items()}
+    return {EVERYWHERE: everywhere, **own, **{name: body for name, body in nodes.items() if name not in own}}
 
 
 def _for_each(dispersion: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
