@@ -7,14 +7,16 @@ import json
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph
+from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.ticks import whole_ticks
+from etac_ros.plants.plant import notes_of
 from etac_ros.scenario.build import build, node_parameters
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import EVERYWHERE, FORMATION, nearest, read_sections, variants_of, write_sections
@@ -264,5 +266,13 @@ def _validated(found: Laid, layers: Layers, path: Path, variant: str | None) -> 
         section = validated(NodeSection, body, f"{path}: {name}")
         nodes[name] = node_parameters(section, f"{path}: {name}")
     scenario = Scenario(run.scenario, run, nodes, run.variant, found.changed, variants, path, layers, found.notes)
-    scenario.build()
-    return scenario
+    graph = scenario.build()
+    return replace(scenario, notes=(*found.notes, *_notes_of_plants(graph)))
+
+
+def _notes_of_plants(graph: Graph) -> Iterator[str]:
+    for name in graph.plants:
+        module = graph.modules[name]
+        assert isinstance(module, PlantModule)
+        for note in notes_of(module.plant):
+            yield f"{name}: {note}"
