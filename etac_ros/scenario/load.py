@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +51,8 @@ class Scenario:
     path
         Where it was read from; the first of several files.
     layers
-        What it is made of: file, variant and overrides.
-    notes
+        What it is made of: file, variant and overrides; None if it was not loaded to be run.
+    overruled
         What was given and does not hold, in words.
     """
 
@@ -62,8 +63,8 @@ class Scenario:
     overrides: Mapping[str, Any]
     variants: tuple[str, ...]
     path: Path
-    layers: Layers = field(repr=False, compare=False)
-    notes: tuple[str, ...] = ()
+    layers: Layers | None = field(default=None, repr=False, compare=False)
+    overruled: tuple[str, ...] = ()
 
     @property
     def end_tick(self) -> int:
@@ -124,12 +125,34 @@ class Scenario:
             run=self.run.model_copy(update={"seed": seed}),
             nodes=nodes,
             overrides={**self.overrides, **changed},
-            layers=replace(self.layers, overrides=(*self.layers.overrides, *assignments)),
+            layers=self.layers and replace(self.layers, overrides=(*self.layers.overrides, *assignments)),
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know before the run, a sentence each."""
+        return (*self.overruled, *_notes_of_plants(self.graph))
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The graph of this scenario, built once: to look at, or to fork, and never to run in this process."""
+        return self.build()
+
     def build(self) -> Graph:
-        """A fresh graph of this scenario's modules."""
+        """A fresh graph of this scenario's modules, to run."""
         return build(self.run, self.nodes, self.end_tick, str(self.path))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process builds its own.
+        return {name: value for name, value in self.__dict__.items() if name != "graph"}
+
+
+def _notes_of_plants(graph: Graph) -> Iterator[str]:
+    for name in graph.plants:
+        module = graph.modules[name]
+        assert isinstance(module, PlantModule)
+        for note in notes_of(module.plant):
+            yield f"{name}: {note}"
 
 
 def find(name: str) -> Path:
@@ -225,10 +248,11 @@ def baseline_of(scenario: Scenario) -> Scenario | None:
         If the baseline does not fit this run.
     """
     name = scenario.run.baseline
-    if name is None or name == scenario.variant or name not in scenario.variants:
+    layers = scenario.layers
+    if layers is None or name is None or name == scenario.variant or name not in scenario.variants:
         return None
     try:
-        return _validated(laid(scenario.layers, _RUN_KEYS, name), scenario.layers, scenario.path, name)
+        return _validated(laid(layers, _RUN_KEYS, name), layers, scenario.path, name)
     except ScenarioError as error:
         where = f"baseline '{name}' of {error.where}"
         raise ScenarioError(where, error.found, error.expected, error.remedy) from None
@@ -266,13 +290,5 @@ def _validated(found: Laid, layers: Layers, path: Path, variant: str | None) -> 
         section = validated(NodeSection, body, f"{path}: {name}")
         nodes[name] = node_parameters(section, f"{path}: {name}")
     scenario = Scenario(run.scenario, run, nodes, run.variant, found.changed, variants, path, layers, found.notes)
-    graph = scenario.build()
-    return replace(scenario, notes=(*found.notes, *_notes_of_plants(graph)))
-
-
-def _notes_of_plants(graph: Graph) -> Iterator[str]:
-    for name in graph.plants:
-        module = graph.modules[name]
-        assert isinstance(module, PlantModule)
-        for note in notes_of(module.plant):
-            yield f"{name}: {note}"
+    _ = scenario.graph  # building it is the last check, and it stays with the scenario
+    return scenario

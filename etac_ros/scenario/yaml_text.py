@@ -2,7 +2,8 @@
 
 One reader for files, for values behind ``--set`` and for parameter files. Texts that the two specifications, or
 ROS's own parser of parameter files, take for different values (``010``, eight or ten) are refused; those that only
-the old YAML 1.1 takes for numbers (``1:30``, ``1_000``) are texts, as are ``yes`` and dates.
+the old YAML 1.1 takes for numbers (``1:30``, ``1_000``) are texts, as are ``yes`` and dates. A text that holds codes a
+terminal would act on is refused, so that nothing of a scenario has to be looked at again before it is shown.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 import yaml
 
 from etac_ros.errors import ScenarioError
+from etac_ros.plain_text import plain_text
 
 LARGEST_BYTES = 16 * 1024 * 1024
 """Of a file; a formation of 1000 spacecraft, written out, takes about a third."""
@@ -80,6 +82,9 @@ class _Reader:
     documents: int = 0
 
     def take(self, event: yaml.Event) -> None:
+        if isinstance(event, yaml.ScalarEvent) and plain_text(event.value) != event.value:
+            # Titles and names reach terminals and pages, which would act on them.
+            raise _Refused(f"the text holds {_cut(plain_text(event.value))}, a code that a terminal acts on")
         match event:
             case yaml.DocumentStartEvent():
                 self.documents += 1
