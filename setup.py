@@ -72,7 +72,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "etac = etac_ros.cli.main:main",
+            "etac = etac_ros.cli.entry:main",
             *(f"{node} = etac_ros.cli.nodes:{node}" for node in NODES),
         ],
     },

@@ -1,5 +1,5 @@
 """``python -m etac_ros`` is ``etac``."""
 
-from etac_ros.cli.main import main
+from etac_ros.cli.entry import main
 
 main()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from etac_ros.plain_text import plain_text
+
 
 class EtacError(Exception):
     """An error that is shown to the user without a traceback.
@@ -33,7 +35,8 @@ class EtacError(Exception):
             parts.append(f"  to mend it: {remedy}")
         if details:
             parts.append(details)
-        super().__init__("\n".join(parts))
+        # Much of it is text of others: of files, of their names, of what classes raised.
+        super().__init__(plain_text("\n".join(parts)))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str, str]]:
         # Errors cross process borders; the default would hand __init__ the joined text only.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import secrets
 import time
 from collections.abc import Callable, Mapping
@@ -16,11 +17,12 @@ from etac_ros.bag.definitions import schema_text
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
+from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import type_of, window_topic
@@ -28,11 +30,16 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.timing.windows import WindowPolicy
 
 _WARM_UP_TICKS = 40
+_NOT_IN_NAMES = re.compile(r"[^\w.+-]")
+"""What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
 SCENARIO_ATTACHMENT = "scenario.yaml"
+_warm: set[str] = set()
+"""Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
 
 Progress = Callable[[int, Mapping[str, int]], None]
 
@@ -70,30 +77,36 @@ def checked_graph(scenario: Scenario) -> Graph:
     ScenarioError
         If it could not, or cannot be built.
     """
-    graph = scenario.build()
+    graph = scenario.graph
     check_figures(scenario.published, graph, str(scenario.path))
     return graph
 
 
 def warm_up(scenario: Scenario) -> None:
-    """Compile every kernel that the scenario needs, by running its first ticks in process.
+    """Compile every kernel that the scenario needs, by running its first ticks in process; once in a process.
 
     Compiling takes seconds the first time; afterwards the machine code comes from the cache.
     """
+    if scenario.digest in _warm:
+        return
+    _warm.add(scenario.digest)
     graph = scenario.build()
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
-    """A name for the bag of a run that starts now."""
+    """A directory for the bag of a run that starts now, reserved: no other run gets the same.
+
+    Whoever does not come to write a bag there gives it back with :func:`etac_ros.bag.reserve.release`.
+
+    Raises
+    ------
+    BagError
+        If nothing can be made there.
+    """
     variant = f"_{scenario.variant}" if scenario.variant else ""
     stem = f"{scenario.name}{variant}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
-    path = folder / stem
-    number = 1
-    while path.exists():
-        number += 1
-        path = folder / f"{stem}_{number}"
-    return path
+    return reserve(folder, _NOT_IN_NAMES.sub("_", stem))
 
 
 def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
@@ -112,7 +125,7 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
 
 def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> BagWriter:
     """Create the bag of a run, with the complete parameter file inside."""
-    topics = (*recorded_topics(scenario.build()), *extra)
+    topics = (*recorded_topics(scenario.graph), *extra)
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     return BagWriter(directory, topics, attachments, bag_metadata(scenario, engine))
 
@@ -136,9 +149,9 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
     windows_of(scenario)
     if bag is not None:
         check_writable(bag)
-    graph = checked_graph(scenario)
+    checked_graph(scenario)
     warm_up(scenario)
-    run, tick = _simulated(scenario, graph, began, bag)
+    run, tick = _simulated(scenario, scenario.build(), began, bag)
     _raise_if_halted(scenario, run.summary.halted, tick)
     return run
 
@@ -232,7 +245,7 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     if options.domain is None:
         raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
     check_domain(options.domain, "--join")
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), quiet_s=options.quiet_s)
+    plan = Plan(scenario.name, scenario.digest, scenario.graph, windows_of(scenario), quiet_s=options.quiet_s)
     if COORDINATOR in plan.part(options.only):
         return False
     warm_up(scenario)
@@ -396,31 +409,12 @@ def _no_bag() -> BagWriter:
 
 def make_readable(bag: Path) -> None:
     """Repair the bag of a failed run if its recorder could not complete it."""
-    if not bag.is_dir():
+    if release(bag) or not bag.is_dir():
         return
     try:
         recover(bag)
     except BagError as error:
         print(f"the bag of the failed run could not be repaired: {error}")
-
-
-def baseline_of(scenario: Scenario) -> Scenario | None:
-    """The baseline with which a scenario compares itself, under the same overrides; None if it is the baseline.
-
-    Overrides of keys that the baseline does not have (its trigger rule is another class) are left out.
-    """
-    name = scenario.run.baseline
-    if name is None or name == scenario.variant or name not in scenario.variants:
-        return None
-    kept: list[str] = []
-    for key, value in scenario.overrides.items():
-        assignment = f"{key}={json.dumps(value)}"
-        try:
-            load(str(scenario.path), name, [*kept, assignment])
-        except EtacError:
-            continue
-        kept.append(assignment)
-    return load(str(scenario.path), name, kept)
 
 
 def scenario_in(bag: Path, folder: Path) -> Scenario:

@@ -365,7 +365,7 @@ OVERRIDES: dict[str, tuple[str, list[str]]] = {
     "unknown parameter": ("sensor.trigger.alhpa=1", ["/sensor.trigger.alhpa: unknown key", "'alpha'?"]),
     "below a number": ("sensor.trigger.alpha.x=1", ['/sensor.trigger.alpha: found {"x": 1}', "a number"]),
     "a whole node": ("sensor=3", ["--set sensor: names a whole node", "sensor.KEY=VALUE"]),
-    "no YAML": ("title=[1", ["--set title: line 1", "valid YAML"]),
+    "no YAML": ("title=[1", ["--set title: line ", "valid YAML"]),
     "nothing": ("seed=", ["/**.seed: found null", "a whole number"]),
     "alpha": ("sensor.trigger.alpha=1", ["small.yaml: /sensor.trigger.alpha: found 1", "less than 1"]),
     "five numbers": ("plant.dynamics.inertia_kg_m2=[1,2,3,4,5]", ["inertia_kg_m2: found 5 values", "9 values"]),
@@ -426,7 +426,7 @@ def test_file_that_is_no_scenario(content: bytes, tmp_path: Path) -> None:
 def test_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "binary.yaml"
     path.write_bytes(b"\xff\xfe\x00")
-    assert_in_order([str(path), "cannot be read"], message_of(path))
+    assert_in_order([str(path), "line 1", "no UTF-8"], message_of(path))
 
 
 def test_empty_file_of_a_scenario_says_what_is_missing(tmp_path: Path) -> None:

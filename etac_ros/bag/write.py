@@ -14,6 +14,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from etac_ros import __version__
 from etac_ros.bag.definitions import OFFERED_QOS_YAML, schema_text, type_hash
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
+from etac_ros.bag.reserve import claim, is_reserved
 from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
 from etac_ros.bag.topics import TopicDescription, to_channel_metadata
 from etac_ros.errors import BagError
@@ -31,7 +32,7 @@ def check_writable(directory: Path) -> None:
         If something stands there already, or nothing may be created there.
     """
     wanted = "a bag directory that is not there yet, in a place that may be written to"
-    if os.path.lexists(directory):
+    if os.path.lexists(directory) and not is_reserved(directory):
         raise BagError(str(directory), "exists already", wanted, "choose another, or remove it")
     parent = next(path for path in directory.absolute().parents if os.path.lexists(path))
     if not parent.is_dir():
@@ -82,7 +83,7 @@ class BagWriter:
         types = dict.fromkeys(topic.type_name for topic in topics)
         definitions = {name: (schema_text(name), type_hash(name)) for name in types}
         try:
-            directory.mkdir(parents=True)
+            claim(directory)
             self._file = self._mcap_path.open("xb")
             self._mcap = self._begin(attachments)
         except OSError as error:

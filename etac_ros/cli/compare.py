@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.progress import track
 
 from etac_ros.cli.show import band, figure_label, number, plain_table
-from etac_ros.errors import ScenarioError
+from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
-from etac_ros.runs import baseline_of, run_in_process
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import Scenario, baseline_of, load
 
 _MOST_COLUMNS = 5
 
@@ -40,10 +40,9 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
     if not chosen:
         raise ScenarioError(str(scenario.path), "has no variants to compare")
     scenarios = [load(name, variant, overrides) for variant in chosen]
-    baseline = baseline_of(scenario)
-    reference = None if baseline is None else run_in_process(baseline).summary
+    baselines: dict[str, Summary | None] = {}
     summaries = [
-        with_measured(run_in_process(one).summary, reference)
+        with_measured(run_in_process(one).summary, _baseline(one, baselines))
         for one in track(scenarios, f"{scenario.name}: running variants", console=console, transient=True)
     ]
     console.print(f"\n{scenario.run.title or scenario.name}: variants beside each other", style="bold")
@@ -51,6 +50,19 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
     _show_figures(scenarios, summaries, console)
     console.print("\nwhat crosses the network, and what stays inside each namespace (messages / payload bytes)")
     _show_traffic(scenarios, summaries, console)
+
+
+def _baseline(scenario: Scenario, known: dict[str, Summary | None]) -> Summary | None:
+    """What a variant's own baseline did; many variants share one. None where a watch ended it, or there is none."""
+    baseline = baseline_of(scenario)
+    if baseline is None:
+        return None
+    if baseline.digest not in known:
+        try:
+            known[baseline.digest] = run_in_process(baseline).summary
+        except RunHalted:
+            known[baseline.digest] = None
+    return known[baseline.digest]
 
 
 def _show_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:

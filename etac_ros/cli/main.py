@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -62,7 +64,9 @@ def run(
     processes: Annotated[Spread, typer.Option(help="One process a node, a namespace, or one.")] = Spread.node,
     baseline: Annotated[bool, typer.Option("--baseline", help="Run the baseline over the same engine, too.")] = False,
     bag: Annotated[Path | None, typer.Option(help="Directory of the bag; default: a new one in bags/.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the machine-readable summary to a file.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(help="Write the machine-readable summary to a file; - is standard output.")
+    ] = None,
     domain: Annotated[
         int | None, typer.Option("--domain", "--join", help="ROS domain; default: ROS_DOMAIN_ID, or a free one.")
     ] = None,
@@ -73,7 +77,7 @@ def run(
     quiet_s: QuietS = QUIET_S,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
-    from etac_ros.cli.run import RunRequest, run_and_show
+    from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
     from etac_ros.cli.show import make_console
 
     request = RunRequest(
@@ -90,7 +94,9 @@ def run(
         only,
         quiet_s,
     )
-    run_and_show(request, make_console())
+    console = make_console()
+    console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way
+    run_and_show(request, console)
 
 
 @app.command()
@@ -291,19 +297,34 @@ def _options(
     pass
 
 
+def _drop_output() -> None:
+    """What is still to be written cannot be; without this Python would try again when it exits."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
 def main() -> None:
     """Entry point. Errors are for people: no traceback, and an exit code that tells bad input from a failed run."""
     hold_standard_streams()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters shows others
+            stream.reconfigure(errors="replace")
     try:
         app()
+        sys.stdout.flush()  # while there is somebody to tell that it failed
     except EtacError as error:
         print(f"etac: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT if isinstance(error, ScenarioError) else FAILED_RUN)
+    except BrokenPipeError:  # whoever read our output has seen enough
+        _drop_output()
+        sys.exit(FAILED_RUN)
     except (MemoryError, ImportError, OSError) as error:
-        refused = refused_by_system(error, "this process")
+        refused: object = refused_by_system(error, "this process")
+        if refused is None and isinstance(error, OSError):
+            refused = f"{error.filename or 'standard output'}: {error.strerror or error}"
         if refused is None:
             raise
         print(f"etac: {refused}", file=sys.stderr)
+        _drop_output()
         sys.exit(FAILED_RUN)
     except KeyboardInterrupt:
         print("etac: interrupted; what had happened until then is in the bag", file=sys.stderr)

@@ -63,8 +63,9 @@ def play(name: str, params_file: str, bag: Path | None = None, quiet_s: float = 
             f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
             "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
         )  # fmt: skip
-    directory = bag or free_bag_directory(scenario)
+    directory = bag or Path()
     if name == RECORDER:
+        directory = bag or free_bag_directory(scenario)
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)

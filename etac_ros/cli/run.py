@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
@@ -22,14 +23,16 @@ from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
     RosOptions,
     Run,
-    baseline_of,
     free_bag_directory,
     play_part,
     run_in_process,
     run_over_ros,
     warm_up,
 )
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import Scenario, baseline_of, load
+
+STANDARD_OUTPUT = "-"
+"""The name of the file that --json takes for it."""
 
 
 @dataclass(frozen=True)
@@ -63,22 +66,29 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
             return
+    if request.bag is not None:
+        check_writable(request.bag)
+    if request.json is not None:
+        _check_json(request.json)
+    other = _baseline_of(scenario, console)
+    for note in (*scenario.notes, *(() if other is None else other.overruled)):
+        console.print(note, soft_wrap=True)
     bag = request.bag
     if bag is None and request.engine == "ros":
         bag = free_bag_directory(scenario)
-    if bag is not None:
-        check_writable(bag)
-    if request.json is not None and not request.json.parent.is_dir():
-        raise ScenarioError(f"--json {request.json}", f"there is no folder {request.json.parent}")
-    other = baseline_of(scenario)
-    with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
-        warm_up(scenario)
-    baseline = None if other is None else _run_baseline(other, request, bag, console)
-    run = _run(scenario, request, bag, console)
+    try:
+        with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
+            warm_up(scenario)
+        baseline = None if other is None else _run_baseline(other, request, bag, console)
+        run = _run(scenario, request, bag, console)
+    finally:
+        if bag is not None:
+            release(bag)
     summary = with_measured(run.summary, None if baseline is None else baseline.summary)
+    if request.json is not None:  # before the tables: whoever reads those may stop reading
+        _write_json(request.json, summary.model_dump_json(indent=2) + "\n")
     show_summary(scenario, summary, console)
     if request.json is not None:
-        request.json.write_text(summary.model_dump_json(indent=2) + "\n", encoding="utf-8")
         console.print(f"summary: {request.json}", soft_wrap=True)
 
 
@@ -95,6 +105,36 @@ def _in_this_process(request: RunRequest) -> RunRequest:
         check_domain(request.domain, "--join" if request.only else "--domain")
         return request
     return replace(request, domain=domain_of_environment(os.environ))
+
+
+def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
+    """The run's baseline. One that does not fit it is no reason against the run that was asked for."""
+    try:
+        return baseline_of(scenario)
+    except ScenarioError as error:
+        console.print(f"no baseline to compare with: {error}", soft_wrap=True)
+        return None
+
+
+def _check_json(path: Path) -> None:
+    """Refuse what the summary could not be written to, before the run instead of after it."""
+    if str(path) == STANDARD_OUTPUT:
+        return
+    where = f"--json {path}"
+    if path.is_dir():
+        raise ScenarioError(where, "is a directory", "a file")
+    if not path.parent.is_dir():
+        raise ScenarioError(where, f"there is no folder {path.parent}")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ScenarioError(where, "may not be written to", "a file that may be written")
+
+
+def _write_json(path: Path, text: str) -> None:
+    if str(path) == STANDARD_OUTPUT:
+        sys.stdout.buffer.write(text.encode())  # UTF-8, as JSON is, whatever the terminal has
+        sys.stdout.buffer.flush()
+    else:
+        path.write_text(text, encoding="utf-8")
 
 
 def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:

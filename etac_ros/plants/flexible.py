@@ -39,6 +39,7 @@ The paper prints the unit of ``delta`` as kg^1/2 m/s^2. For eqs. (7) and (8) to 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -51,7 +52,6 @@ from etac_ros.maths.mrp import (
     mrp_to_euler_321,
     switch_shadow,
 )
-from etac_ros.maths.quaternion import from_euler_321
 from etac_ros.maths.rk4 import propagator
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import (
@@ -66,6 +66,7 @@ from etac_ros.parameters import (
     vector,
 )
 from etac_ros.plants.rigid import Disturbance
+from etac_ros.plants.start import Rotation, start_of_euler_321
 from etac_ros.plants.watch import Watch
 
 ATTITUDE = slice(0, 3)
@@ -285,7 +286,7 @@ class Flexible:
             attitude = vector(parameters.attitude_mrp)
         else:
             assert parameters.attitude_euler_deg is not None
-            attitude = _mrp_of_euler_321([math.radians(angle) for angle in parameters.attitude_euler_deg])
+            attitude = _mrp_of_euler_321(parameters.attitude_euler_deg)
         state = np.concatenate(
             [
                 attitude,
@@ -341,9 +342,7 @@ def _norm_of(name: str, unit: str, values: FloatArray) -> Watch:
     return Watch(name=name, unit=unit, values=_norms(np.ascontiguousarray(values)), axes=("norm",), bound=None)
 
 
-def _mrp_of_euler_321(roll_pitch_yaw: list[float]) -> FloatArray:
-    """MRPs, ``|p| <= 1``, of 3-2-1 Euler angles [rad]."""
-    q = from_euler_321(roll_pitch_yaw)
-    if q[0] < 0.0:  # q and -q are the same attitude; this one is the shorter way
-        q = -q
+def _mrp_of_euler_321(roll_pitch_yaw_deg: Sequence[float]) -> FloatArray:
+    """MRPs, ``|p| <= 1``, of 3-2-1 Euler angles [deg]."""
+    q = start_of_euler_321(roll_pitch_yaw_deg, Rotation.SHORTEST)
     return np.asarray(q[1:] / (1.0 + q[0]))

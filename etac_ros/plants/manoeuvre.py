@@ -23,6 +23,7 @@ from etac_ros.maths.rk4 import propagator
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import FloatArray, Inertia, Parameters, UnitQuaternion, Vector3, square, vector
 from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
+from etac_ros.plants.start import Rotation, note_on_start, start_attitude
 from etac_ros.plants.watch import Watch
 
 ATTITUDE = slice(0, 4)
@@ -73,6 +74,8 @@ class ManoeuvreParameters(Parameters):
     """``Q(0)``, scalar first; normalised when used."""
     desired_attitude_q: UnitQuaternion
     """``Q_d``, scalar first, constant; normalised when used."""
+    rotation: Rotation = Rotation.SHORTEST
+    """Which rotation from ``Q_d`` to ``Q(0)``: shortest, or as_given by the signs of both."""
     rate_rad_s: Vector3 = (0.0, 0.0, 0.0)
     """``omega(0)`` in B."""
     disturbance: SinusoidalTorque = SinusoidalTorque()
@@ -112,8 +115,15 @@ class Manoeuvre:
     def initial_state(self) -> FloatArray:
         """State at tick 0, shape (7,): ``Q_d* Q(0)`` and ``omega(0)``."""
         parameters = self._parameters
-        error = attitude_error(vector(parameters.desired_attitude_q), vector(parameters.attitude_q))
-        return np.concatenate([error, parameters.rate_rad_s])
+        return np.concatenate([start_attitude(self._error(), parameters.rotation), parameters.rate_rad_s])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Whether the manoeuvre was given as the long way round."""
+        return note_on_start(self._error(), self._parameters.rotation, "attitude_q from desired_attitude_q")
+
+    def _error(self) -> FloatArray:
+        return attitude_error(vector(self._parameters.desired_attitude_q), vector(self._parameters.attitude_q))
 
     def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
         """States at ``tick + 1 .. tick + count`` under the held torque [N m], shape (count, 7)."""

@@ -90,6 +90,20 @@ def errors_of(plant: Plant, states: FloatArray, tick: int) -> FloatArray:
     return states if errors is None else np.asarray(errors(states, tick))
 
 
+class NotedPlant(Plant, Protocol):
+    """A plant that has something to say of its parameters. A plant that has not is just a :class:`Plant`."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know before the run, a sentence each."""
+        ...
+
+
+def notes_of(plant: Plant) -> tuple[str, ...]:
+    """What a user should know of a plant's parameters."""
+    return tuple(getattr(plant, "notes", ()))
+
+
 class WatchedPlant(Plant, Protocol):
     """A plant with quantities that have to stay within bounds. A plant without them is just a :class:`Plant`."""
 

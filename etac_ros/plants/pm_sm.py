@@ -97,6 +97,7 @@ from etac_ros.parameters import (
 )
 from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
 from etac_ros.plants.plant import Body
+from etac_ros.plants.start import Rotation, note_on_start, start_attitude
 from etac_ros.plants.watch import Watch
 
 PM_ATTITUDE = slice(0, 4)
@@ -284,6 +285,8 @@ class PmSmParameters(Parameters):
     """Initial ``omega_po_P``."""
     attitude_sm_q: PrintedQuaternion
     """Initial ``q_sp``, scalar first."""
+    rotation: Rotation = Rotation.SHORTEST
+    """Which rotations both stand for: shortest, or as_given by their signs."""
     rate_sm_deg_s: Vector3
     """Initial ``omega_sp_S``."""
     modal_coordinates_sqrt_kg_m: Vector3 = (0.0, 0.0, 0.0)
@@ -396,9 +399,9 @@ class PmSm:
         parameters = self._parameters
         state = np.concatenate(
             [
-                parameters.attitude_pm_q,
+                start_attitude(parameters.attitude_pm_q, parameters.rotation),
                 np.radians(parameters.rate_pm_deg_s),
-                parameters.attitude_sm_q,
+                start_attitude(parameters.attitude_sm_q, parameters.rotation),
                 np.radians(parameters.rate_sm_deg_s),
                 parameters.modal_coordinates_sqrt_kg_m,
                 parameters.modal_rates_sqrt_kg_m_s,
@@ -406,6 +409,13 @@ class PmSm:
         )
         _project(state)
         return state
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Whether a start was given as the long way round."""
+        parameters = self._parameters
+        starts = {"attitude_pm_q": parameters.attitude_pm_q, "attitude_sm_q": parameters.attitude_sm_q}
+        return tuple(note for key, q in starts.items() for note in note_on_start(vector(q), parameters.rotation, key))
 
     def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
         """States at ``tick + 1 .. tick + count`` under held torques, shape (count, 20).

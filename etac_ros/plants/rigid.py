@@ -5,14 +5,11 @@ State ``[q_BN (4, scalar first), omega_BN_B (3) [rad/s]]``; input: control torqu
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 
 from etac_ros.maths.compiled import inlined
 from etac_ros.maths.quaternion import (
-    from_euler_321,
     normalise,
     perturbed_attitudes,
     quaternion_rate,
@@ -30,6 +27,7 @@ from etac_ros.parameters import (
     square,
     vector,
 )
+from etac_ros.plants.start import Rotation, note_on_start, start_attitude, start_of_euler_321
 
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE, _CONSTANT, _SINE, _COSINE, _FREQUENCY = 0, 9, 18, 21, 24, 27
@@ -79,6 +77,7 @@ class RigidBodyParameters(Parameters):
     inertia_kg_m2: Inertia
     attitude_q: UnitQuaternion | None = None
     attitude_euler_deg: Vector3 | None = Field(default=None, description="[roll, pitch, yaw], 3-2-1")
+    rotation: Rotation = Field(default=Rotation.SHORTEST, description="shortest, or as_given: the quaternion's sign")
     rate_deg_s: Vector3 = (0.0, 0.0, 0.0)
     disturbance: Disturbance = Disturbance()
     substeps: PositiveInt = 1
@@ -124,14 +123,23 @@ class RigidBody:
         )
 
     def initial_state(self) -> FloatArray:
-        """State at tick 0; the quaternion is normalised."""
-        if self._parameters.attitude_q is not None:
-            attitude = vector(self._parameters.attitude_q)
-        else:
-            assert self._parameters.attitude_euler_deg is not None
-            attitude = from_euler_321([math.radians(angle) for angle in self._parameters.attitude_euler_deg])
+        """State at tick 0; the quaternion is normalised, and that of the rotation which is asked for."""
+        attitude = self._start(self._parameters.rotation)
         normalise(attitude)
         return np.concatenate([attitude, np.radians(self._parameters.rate_deg_s)])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Whether the start was given as the long way round."""
+        parameters = self._parameters
+        key = "attitude_q" if parameters.attitude_q is not None else "attitude_euler_deg"
+        return note_on_start(self._start(Rotation.AS_GIVEN), parameters.rotation, key)
+
+    def _start(self, rotation: Rotation) -> FloatArray:
+        if self._parameters.attitude_q is not None:
+            return start_attitude(self._parameters.attitude_q, rotation)
+        assert self._parameters.attitude_euler_deg is not None
+        return start_of_euler_321(self._parameters.attitude_euler_deg, rotation)
 
     def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
         """States at ``tick + 1 .. tick + count`` under the held torque [N m], shape (count, 7)."""

@@ -117,7 +117,7 @@ class View:
         return places.get(figure) or ""
 
     def _is_baseline(self, other: ReportedRun) -> bool:
-        return other.is_baseline and other.scenario.name == self.run.scenario.name
+        return other.is_baseline and other.scenario.name == self.run.scenario.name and _alike(self.run, other)
 
     def _label(self, other: ReportedRun) -> str:
         variant, name = other.scenario.variant, other.scenario.name
@@ -126,6 +126,14 @@ class View:
         if variant is None:
             return name
         return variant if name == self.run.scenario.name else f"{name}, {variant}"
+
+
+def _alike(run: ReportedRun, other: ReportedRun) -> bool:
+    """Whether two runs have the same plants, start and length: one with another start is nobody's baseline."""
+    if run.scenario.run.duration_s != other.scenario.run.duration_s:
+        return False
+    nodes, others = run.scenario.nodes, other.scenario.nodes
+    return all(nodes[name].get(key) == others.get(name, {}).get(key) for name in nodes for key in ("dynamics", "noise"))
 
 
 def _short(run: ReportedRun) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from etac_ros.errors import ScenarioError
+from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.metrics.published import label
 from etac_ros.metrics.summary import PublishedValue, Summary, with_measured
 from etac_ros.reproduce.verdict import Spread, Verdict, judge
-from etac_ros.runs import RosOptions, baseline_of, run_in_process, run_over_ros
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.runs import RosOptions, run_in_process, run_over_ros
+from etac_ros.scenario.load import Scenario, baseline_of, load
 from etac_ros.sweep.bands import bands
 from etac_ros.sweep.plan import make_plan
 from etac_ros.sweep.run import cores, sweep, usual_workers
@@ -128,8 +128,16 @@ def _measured(scenario: Scenario, effort: Effort, folder: Path) -> Summary:
         ).summary
     else:
         summary = run_in_process(scenario).summary
+    return with_measured(summary, _baseline(scenario))
+
+
+def _baseline(scenario: Scenario) -> Summary | None:
+    """What the run's own baseline did; None where it has none, or a watch ended it."""
     baseline = baseline_of(scenario)
-    return with_measured(summary, None if baseline is None else run_in_process(baseline).summary)
+    try:
+        return None if baseline is None else run_in_process(baseline).summary
+    except RunHalted:
+        return None
 
 
 def _spreads(

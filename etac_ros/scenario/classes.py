@@ -23,6 +23,8 @@ from etac_ros.triggers.rule import AnyRule
 from etac_ros.triggers.timing import RuleTiming, timed
 
 Model = TypeVar("Model", bound=BaseModel)
+_MOST_FAULTS = 30
+"""Faults that are listed; a file of millions has as many."""
 
 
 def import_class(path: str, where: str) -> type:
@@ -76,14 +78,16 @@ def validated(model: type[Model], values: Any, where: str) -> Model:
     """
     try:
         # JSON mode is strict about types, yet takes lists for tuples and texts for enumerations.
-        return model.model_validate_json(json.dumps(values, default=str), strict=True)
+        return model.model_validate_json(json.dumps(values), strict=True)
     except ValidationError as error:
-        faults = faults_of(model, values, error.errors(), where)
+        faults = faults_of(model, values, error.errors()[:_MOST_FAULTS], where)
+        more = error.error_count() - _MOST_FAULTS
     except (TypeError, ValueError) as error:
-        faults = [ScenarioError(where, str(error))]
+        faults, more = [ScenarioError(where, str(error))], 0
     if len(faults) == 1:
         raise faults[0]
-    raise ScenarioError(where, f"{len(faults)} faults\n" + "\n".join(str(fault) for fault in faults))
+    counted = f"{len(faults)} faults" if more <= 0 else f"{len(faults)} faults and {more:,} more"
+    raise ScenarioError(where, f"{counted}\n" + "\n".join(str(fault) for fault in faults))
 
 
 def with_parameters(kind: type, where: str) -> Any:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from etac_ros.errors import ScenarioError
 from etac_ros.parameters import EXACTLY_ONE
-from etac_ros.scenario.document import EVERYWHERE, choice, shown
+from etac_ros.scenario.document import EVERYWHERE, choice, shortened, shown
 
 Path = tuple[int | str, ...]
 
@@ -63,7 +63,7 @@ def field_names(model: type[BaseModel]) -> list[str]:
 
 def unknown_key(key: str, known: Iterable[str], where: str) -> ScenarioError:
     """The error that a key is none of those that are known."""
-    return ScenarioError(where, f"unknown key '{key}'", choice(key, known))
+    return ScenarioError(where, f"unknown key '{shortened(key)}'", choice(key, known))
 
 
 def _fault(model: type[BaseModel], fault: Mapping[str, Any], path: Path, key: str) -> ScenarioError:

@@ -33,11 +33,8 @@ from etac_ros.laws.digraph import Digraph, ring_with_random_edges
 from etac_ros.maths.noise import stream_key, uniforms
 from etac_ros.parameters import Parameters
 from etac_ros.scenario.classes import validated
-from etac_ros.scenario.document import EVERYWHERE, Tree, choice
+from etac_ros.scenario.document import EVERYWHERE, FORMATION, TEMPLATE, Tree, choice, merged, shown
 
-FORMATION = "formation"
-"""Key of the section ``/**``."""
-_TEMPLATE = "/*/"
 _PAIR = "{listener}"
 _BRACES = re.compile(r"\{(\w+)\}")
 _EDGE = re.compile(r"\s*(\d+)\s*->\s*(\d+)\s*")
@@ -70,8 +67,7 @@ class FormationSection(Parameters):
 def of_one(sections: Tree, assignment: str) -> bool:
     """Whether a ``key=value`` concerns a link of one spacecraft, which is there only once templates are written out."""
     first, _, rest = assignment.partition("=")[0].strip().partition(".")
-    templates = sections[EVERYWHERE].get("links") or {}
-    return FORMATION in sections[EVERYWHERE] and first == "links" and rest.partition(".")[0] not in templates
+    return FORMATION in sections[EVERYWHERE] and first == "links" and rest.partition(".")[0] not in _links_of(sections)
 
 
 def expanded(sections: Tree, file: str) -> Tree:
@@ -99,7 +95,7 @@ def expanded(sections: Tree, file: str) -> Tree:
     outages = _outages(formation, graph, names, where)
     nodes: dict[str, Any] = {}
     links: dict[str, Any] = {}
-    templates = {name: body for name, body in sections.items() if name.startswith(_TEMPLATE)}
+    templates = {name: body for name, body in sections.items() if name.startswith(TEMPLATE)}
     for i, name in enumerate(names):
         known = {
             "self": name,
@@ -110,17 +106,26 @@ def expanded(sections: Tree, file: str) -> Tree:
             **_values(formation, i, where),
         }
         for template, body in templates.items():
-            nodes[f"/{name}/{template.removeprefix(_TEMPLATE)}"] = _filled(body, known, f"{file}: {template}")
-        for link, body in (everywhere.get("links") or {}).items():
+            nodes[f"/{name}/{template.removeprefix(TEMPLATE)}"] = _filled(body, known, f"{file}: {template}")
+        for link, body in _links_of(sections).items():
             if _is_template(body):
                 links.update(_links(link, body, known, outages, f"{file}: {EVERYWHERE}.links.{link}"))
             else:
                 links[link] = body
-    everywhere["links"] = links
+    if isinstance(everywhere.get("links"), dict):
+        everywhere["links"] = links
     if isinstance(everywhere.get("dispersion"), dict):
         everywhere["dispersion"] = _for_each(everywhere["dispersion"], names)
-    others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(_TEMPLATE)}
-    return {EVERYWHERE: everywhere, **others, **nodes}
+    others = {name: body for name, body in sections.items() if name != EVERYWHERE and not name.startswith(TEMPLATE)}
+    # A section of one spacecraft is laid over what the template gives it.
+    own = {name: merged(nodes[name], body) if name in nodes else body for name, body in others.items()}
+    return {EVERYWHERE: everywhere, **own, **{name: body for name, body in nodes.items() if name not in own}}
+
+
+def _links_of(sections: Tree) -> Mapping[str, Any]:
+    """The links of the file; none where something else stands there, which is refused later with all other keys."""
+    found = sections[EVERYWHERE].get("links")
+    return found if isinstance(found, dict) else {}
 
 
 def _for_each(dispersion: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
@@ -205,11 +210,14 @@ def _links(
     own = known["self"]
     physical = str(body.get("kind")) == "physical"
     listeners = known["listeners"] if _PAIR in str(body.get("from", "")) else [None]
+    wanted = body.get("to") or ()
+    if not isinstance(wanted, list | tuple):
+        raise ScenarioError(f"{where}.to", f"found {shown(wanted)}", "a list")
     found = {}
     for listener in listeners:
         here = {**known, "listener": listener}
         tail = name if listener is None else f"{name}_{listener}"
-        receivers = [text for item in body.get("to") or () for text in _receivers(str(item), here, where)]
+        receivers = [text for item in wanted for text in _receivers(str(item), here, where)]
         if not receivers:
             continue
         link = {

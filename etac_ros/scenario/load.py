@@ -7,30 +7,22 @@ import json
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph
+from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.ticks import whole_ticks
+from etac_ros.plants.plant import notes_of
 from etac_ros.scenario.build import build, node_parameters
 from etac_ros.scenario.classes import validated
-from etac_ros.scenario.document import (
-    EVERYWHERE,
-    Tree,
-    has_place,
-    merged,
-    nearest,
-    read_sections,
-    variants_of,
-    with_override,
-    with_variant,
-    write_sections,
-)
+from etac_ros.scenario.document import EVERYWHERE, FORMATION, nearest, read_sections, variants_of, write_sections
 from etac_ros.scenario.faults import field_names
-from etac_ros.scenario.formation import FORMATION, expanded, of_one
+from etac_ros.scenario.precedence import Laid, Layers, as_assignment, laid
 from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
@@ -57,7 +49,11 @@ class Scenario:
     variants
         Names of all variants in the file.
     path
-        Where it was read from.
+        Where it was read from; the first of several files.
+    layers
+        What it is made of: file, variant and overrides; None if it was not loaded to be run.
+    overruled
+        What was given and does not hold, in words.
     """
 
     name: str
@@ -67,6 +63,8 @@ class Scenario:
     overrides: Mapping[str, Any]
     variants: tuple[str, ...]
     path: Path
+    layers: Layers | None = field(default=None, repr=False, compare=False)
+    overruled: tuple[str, ...] = ()
 
     @property
     def end_tick(self) -> int:
@@ -82,9 +80,8 @@ class Scenario:
     def text(self) -> str:
         """The complete parameter file of this run."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
-        if not everywhere["dispersion"]:
-            del everywhere["dispersion"]
-        return write_sections({EVERYWHERE: everywhere, **self.nodes})
+        # Without empty mappings: ROS's parser loses its place after one.
+        return write_sections(_without_empty({EVERYWHERE: everywhere, **self.nodes}))
 
     @property
     def digest(self) -> str:
@@ -121,16 +118,41 @@ class Scenario:
         nodes = self.nodes
         for key, value in values.items():
             nodes = with_value(nodes, key, value, str(self.path))
+        changed = {**values, "seed": seed}
+        assignments = (as_assignment(key, value) for key, value in changed.items())
         return replace(
             self,
             run=self.run.model_copy(update={"seed": seed}),
             nodes=nodes,
-            overrides={**self.overrides, **values, "seed": seed},
+            overrides={**self.overrides, **changed},
+            layers=self.layers and replace(self.layers, overrides=(*self.layers.overrides, *assignments)),
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know before the run, a sentence each."""
+        return (*self.overruled, *_notes_of_plants(self.graph))
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The graph of this scenario, built once: to look at, or to fork, and never to run in this process."""
+        return self.build()
+
     def build(self) -> Graph:
-        """A fresh graph of this scenario's modules."""
+        """A fresh graph of this scenario's modules, to run."""
         return build(self.run, self.nodes, self.end_tick, str(self.path))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process builds its own.
+        return {name: value for name, value in self.__dict__.items() if name != "graph"}
+
+
+def _notes_of_plants(graph: Graph) -> Iterator[str]:
+    for name in graph.plants:
+        module = graph.modules[name]
+        assert isinstance(module, PlantModule)
+        for note in notes_of(module.plant):
+            yield f"{name}: {note}"
 
 
 def find(name: str) -> Path:
@@ -143,9 +165,7 @@ def find(name: str) -> Path:
     """
     given = Path(name)
     if given.suffix in (".yaml", ".yml"):
-        if given.is_file():
-            return given
-        raise ScenarioError(name, "there is no such file")
+        return given  # whoever reads it says what is wrong with it
     folders = config_folders()
     for folder in folders:
         path = folder / f"{name}.yaml"
@@ -187,38 +207,66 @@ def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -
     ScenarioError
         If anything at all is wrong with it; a scenario that loads can be built.
     """
-    path = find(name)
-    sections = read_sections(path)
-    if variant is not None:
-        sections = _with_own_figures(sections, with_variant(sections, variant, str(path), _RUN_KEYS), variant, path)
-    # What concerns a template or the formation itself comes first; then every spacecraft has nodes of its own.
-    templates = [text for text in overrides if has_place(sections, text, _RUN_KEYS) and not of_one(sections, text)]
-    changed: dict[str, Any] = {}
-    for assignment in templates:
-        sections, key, value = with_override(sections, assignment, _RUN_KEYS)
-        changed[key] = value
-    sections = expanded(sections, str(path))
-    for assignment in (assignment for assignment in overrides if assignment not in templates):
-        sections, key, value = with_override(sections, assignment, _RUN_KEYS)
-        changed[key] = value
-    return _validated(sections, path, variant, changed)
+    return load_files([name], variant, overrides)
 
 
-def _with_own_figures(file: Tree, laid: Tree, variant: str, path: Path) -> Tree:
-    """The sections of a variant without the figures that the paper publishes for the file as it stands.
+def load_files(names: Sequence[str], variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """Load a scenario from several parameter files, each laid over those before, as ROS does it.
 
-    Only a variant that changes nothing keeps them; every other has its own or none.
+    Parameters
+    ----------
+    names
+        Of files, or paths to them, as several ``--params-file`` give them.
+    variant, overrides
+        As for :func:`load`.
+
+    Raises
+    ------
+    ScenarioError
+        As :func:`load` does.
     """
-    block = variants_of(file, str(path))[variant]
-    published = file[EVERYWHERE].get("published")
-    if not block or not isinstance(published, dict):
-        return laid
-    kept = {key: value for key, value in published.items() if key == "source"}
-    own = merged(kept, block.get("published") or {})
-    return {**laid, EVERYWHERE: {**laid[EVERYWHERE], "published": own}}
+    paths = [find(name) for name in names]
+    layers = Layers(read_sections(*paths), str(paths[0]), variant, tuple(overrides))
+    return _validated(laid(layers, _RUN_KEYS), layers, paths[0], variant)
 
 
-def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mapping[str, Any]) -> Scenario:
+def baseline_of(scenario: Scenario) -> Scenario | None:
+    """The baseline of a run: the same run with what the scenario's ``baseline`` names exchanged, and nothing else.
+
+    See :mod:`etac_ros.scenario.precedence` for what holds where both change the same; the baseline's ``notes`` say
+    where that is so.
+
+    Returns
+    -------
+    Scenario or None
+        None if the scenario names no baseline, is the baseline itself, or carries no variants any more, as what
+        `etac resolve` prints.
+
+    Raises
+    ------
+    ScenarioError
+        If the baseline does not fit this run.
+    """
+    name = scenario.run.baseline
+    layers = scenario.layers
+    if layers is None or name is None or name == scenario.variant or name not in scenario.variants:
+        return None
+    try:
+        return _validated(laid(layers, _RUN_KEYS, name), layers, scenario.path, name)
+    except ScenarioError as error:
+        where = f"baseline '{name}' of {error.where}"
+        raise ScenarioError(where, error.found, error.expected, error.remedy) from None
+
+
+def _without_empty(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    kept = {key: _without_empty(below) for key, below in value.items()}
+    return {key: below for key, below in kept.items() if not isinstance(below, dict) or below}
+
+
+def _validated(found: Laid, layers: Layers, path: Path, variant: str | None) -> Scenario:
+    sections = found.sections
     everywhere = dict(sections[EVERYWHERE])
     variants = tuple(variants_of(sections, str(path)))
     everywhere.pop("variants", None)
@@ -241,6 +289,6 @@ def _validated(sections: Tree, path: Path, variant: str | None, overrides: Mappi
             raise ScenarioError(f"{path}: {name}", "is no name of a ROS node", "letters, digits and _ between /")
         section = validated(NodeSection, body, f"{path}: {name}")
         nodes[name] = node_parameters(section, f"{path}: {name}")
-    scenario = Scenario(run.scenario, run, nodes, run.variant, overrides, variants, path)
-    scenario.build()
+    scenario = Scenario(run.scenario, run, nodes, run.variant, found.changed, variants, path, layers, found.notes)
+    _ = scenario.graph  # building it is the last check, and it stays with the scenario
     return scenario

@@ -12,12 +12,12 @@ from typing import Any
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.module import Module
 from etac_ros.metrics.summary import Summary
-from etac_ros.runs import baseline_of, checked_graph, simulate
+from etac_ros.runs import checked_graph, simulate
 from etac_ros.scenario.classes import validated
-from etac_ros.scenario.document import parse_value
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import Scenario, baseline_of, load
 from etac_ros.scenario.schema import Dispersion
 from etac_ros.scenario.values import value_at
+from etac_ros.scenario.yaml_text import parse_value
 from etac_ros.sweep.draws import check_target, dispersed, run_seed
 from etac_ros.triggers.periodic import Periodic
 
