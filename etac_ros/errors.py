@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from etac_ros.plain_text import plain_text
+
 
 class EtacError(Exception):
     """An error that is shown to the user without a traceback.
@@ -28,7 +30,8 @@ class EtacError(Exception):
             parts.append(f"  expected: {expected}")
         if remedy:
             parts.append(f"  to mend it: {remedy}")
-        super().__init__("\n".join(parts))
+        # Much of it was read from files of others.
+        super().__init__(plain_text("\n".join(parts)))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
         # Errors cross process borders; the default would hand __init__ the joined text only.

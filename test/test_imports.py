@@ -15,6 +15,7 @@ import etac_ros
 
 PACKAGE = Path(etac_ros.__file__).parent
 FLOORS = [
+    "plain_text",
     "errors",
     "parameters",
     "maths",

@@ -14,8 +14,13 @@ from pydantic import BaseModel, ValidationError
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
+from etac_ros.scenario.trust import is_own, may_import
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+class ForeignClassError(ScenarioError):
+    """A file names a class that is not of etac_ros, where nobody said that it may be imported."""
 
 
 def import_class(path: str, where: str) -> type:
@@ -29,14 +34,18 @@ def import_class(path: str, where: str) -> type:
     module_name, colon, class_name = path.partition(":")
     if not colon or not module_name or not class_name:
         raise ScenarioError(where, f"found '{path}'", "a class as package.module:Class")
+    if not may_import(path):
+        raise ForeignClassError(where, f"'{path}' is no class of etac_ros", "", "import it only if you trust it")
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # a user's module can fail in any way at import
+    except (Exception, SystemExit) as error:  # a user's module can fail in any way at import, or end the process
         raise ScenarioError(
             where, f"'{module_name}' cannot be imported ({type(error).__name__}: {error})", "",
             "is its package installed in this environment, or its folder on PYTHONPATH?",
         ) from None  # fmt: skip
     found = getattr(module, class_name, None)
+    if isinstance(found, type) and is_own(path) and found.__module__ != module_name:
+        found = None  # it has only been imported there
     if not isinstance(found, type):
         names = [name for name, value in vars(module).items() if _is_of(value, module_name)]
         raise ScenarioError(where, f"'{module_name}' has no class '{class_name}'", choice(class_name, sorted(names)))
