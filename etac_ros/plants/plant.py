@@ -52,6 +52,11 @@ class Plant(Protocol):
         ...
 
 
+def has_attitude(plant: Plant) -> bool:
+    """Whether a plant has an attitude."""
+    return hasattr(plant, "attitude_angle")
+
+
 class GuidedPlant(Plant, Protocol):
     """A plant whose reference moves. A plant with a fixed one is just a :class:`Plant`, whose state is the error."""
 
