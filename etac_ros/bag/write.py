@@ -13,7 +13,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
 from etac_ros.bag.definitions import OFFERED_QOS_YAML, schema_text, type_hash
-from etac_ros.bag.lock import hold
+from etac_ros.bag.lock import give_back, take
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
 from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
 from etac_ros.bag.topics import TopicDescription, to_channel_metadata
@@ -92,7 +92,7 @@ class BagWriter:
         try:
             directory.mkdir(parents=True)
             self._file = self._mcap_path.open("xb")
-            hold(self._file)
+            take(self._file)
             self._mcap = self._begin(attachments)
         except FileExistsError:
             raise _occupied(directory) from None
@@ -162,7 +162,8 @@ class BagWriter:
                 # With this record rosbag2 understands the file by itself too: `ros2 bag info FILE.mcap`.
                 self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
                 self._mcap.finish()
-            write_metadata(self._directory, information)
+                write_metadata(self._directory, information)
+                give_back(self._file)
         except OSError as error:
             raise self._failed(error) from error
 
