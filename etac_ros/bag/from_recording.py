@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from etac_ros.bag.clock import MOST_STEPS, log_time_ns, publish_time_ns
+from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
-from etac_ros.bag.run_metadata import TICKS_PER_SECOND
-from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
-from etac_ros.bag.write import BagWriter
+from etac_ros.bag.run_bag import RunBag
+from etac_ros.bag.topics import link_topic, truth_topic
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.truth import MOST_SAMPLES
@@ -25,6 +24,7 @@ def write_recording(
     recording: Recording,
     metadata: Mapping[str, str],
     attachments: Mapping[str, bytes],
+    derive_with: Graph | None = None,
 ) -> None:
     """Write all messages and all truth of a run, in the order in which things happened.
 
@@ -36,8 +36,8 @@ def write_recording(
         The graph that ran.
     recording
         What it left behind.
-    metadata, attachments
-        As for :class:`~etac_ros.bag.write.BagWriter`; ``ticks_per_second`` is added from the graph.
+    metadata, attachments, derive_with
+        As for :class:`~etac_ros.bag.run_bag.RunBag`.
 
     Raises
     ------
@@ -46,13 +46,11 @@ def write_recording(
     """
     rate = graph.ticks_per_second
     entries = sorted(_messages(graph, recording) + _truth(graph, recording), key=lambda entry: entry[0])
-    complete = {**metadata, TICKS_PER_SECOND: str(rate)}
-    with BagWriter(directory, recorded_topics(graph), attachments, complete) as writer:
+    with RunBag(directory, graph, attachments, metadata, derive_with=derive_with) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
-            logged = log_time_ns(tick, rate)
-            # Truth is committed after all steps of a tick, and stands in none of them.
-            published = publish_time_ns(logged, step) if step < MOST_STEPS else logged
-            writer.write(topic, serialized(), logged, published, sequence)
+            published = tick_time_ns(tick, rate)
+            writer.placed_until(published)  # they are sorted
+            writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
 
 
 def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
@@ -60,7 +58,7 @@ def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
     for place, link in enumerate(graph.links.values()):
         topic = link_topic(link)
         for message in recording.messages.get(link.name, []):
-            stamp = log_time_ns(message.tick, graph.ticks_per_second)
+            stamp = tick_time_ns(message.tick, graph.ticks_per_second)
             serialized = partial(encode, topic.type_name, message.value, stamp)
             entries.append(((message.tick, message.step, place, message.sequence), topic.name, serialized))
     return entries
@@ -77,5 +75,5 @@ def _truth(graph: Graph, recording: Recording) -> list[_Entry]:
                 last = first + start + part.shape[0] - 1
                 sequence += 1
                 serialized = partial(encode_truth, first + start, part)
-                entries.append(((last, MOST_STEPS, place, sequence), topic.name, serialized))
+                entries.append(((last, AFTER_ALL_STEPS, len(graph.links) + place, sequence), topic.name, serialized))
     return entries

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from etac_ros.bag.clock import step_of, tick_of
+import numpy as np
+
+from etac_ros.bag.clock import tick_of
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
+from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.metadata import FILE_NAME, read_counts
 from etac_ros.bag.run_metadata import ticks_per_second
 from etac_ros.bag.topics import TopicDescription
 from etac_ros.errors import BagError
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.parameters import FloatArray
+
+_Chunks = dict[str, list[tuple[int, FloatArray]]]
+"""First tick and samples of each part, by node."""
 
 
 @dataclass
@@ -36,7 +42,7 @@ class TopicCount:
 
     def add(self, message: RawMessage) -> None:
         """Count one more."""
-        time = message.log_time_ns
+        time = message.tick_time_ns
         self.messages += 1
         self.cdr_bytes += len(message.cdr)
         self.first_ns = time if self.first_ns is None else min(self.first_ns, time)
@@ -83,46 +89,68 @@ class Bag:
             If a message does not fit its topic or the tick grid, a sequence number stands twice, or the truth
             of a plant has gaps.
         """
+        return self._everything()[0]
+
+    def recording_and_derived(self) -> tuple[Recording, dict[str, FloatArray]]:
+        """The recording, and by node what was derived of its plant's truth: a row a sample, for the samples there are.
+
+        Raises
+        ------
+        BagError
+            As :meth:`recording`, and likewise for what was derived.
+        """
+        recording, derived = self._everything()
+        rows = {}
+        for node, chunks in derived.items():
+            self._check_continuous(f"derived of {node}", chunks)
+            rows[node] = np.concatenate([samples for _, samples in chunks]) if chunks else np.empty((0, 0))
+        return recording, rows
+
+    def _everything(self) -> tuple[Recording, _Chunks]:
         links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
-        truth: dict[str, list[tuple[int, FloatArray]]] = {t.plant: [] for t in self.topics if t.plant is not None}
+        truth: _Chunks = {t.plant: [] for t in self.topics if t.plant is not None}
+        derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None}
         for raw in self.messages():
+            topic = raw.topic
             try:
-                if raw.topic.link is not None:
-                    links[raw.topic.link].append(self._message(raw))
-                elif raw.topic.plant is not None:
-                    truth[raw.topic.plant].append(self._samples(raw))
+                if topic.link is not None:
+                    links[topic.link].append(self._message(raw))
+                elif topic.plant is not None:
+                    truth[topic.plant].append(self._samples(raw))
+                elif topic.derived is not None:
+                    derived[topic.derived].append(self._samples(raw))
             except ValueError as error:
-                raise self._unfit(raw.topic.name, f"message {raw.sequence}: {error}") from None
+                raise self._unfit(topic.name, f"message {raw.sequence}: {error}") from None
         for link, messages in links.items():
             messages.sort(key=lambda message: message.sequence)
             for before, after in pairwise(messages):
                 if before.sequence == after.sequence:
                     raise self._unfit(f"link {link}", f"message {after.sequence} stands there twice")
         for plant, chunks in truth.items():
-            chunks.sort(key=lambda chunk: chunk[0])
-            self._check_continuous(plant, chunks)
-        return Recording(messages=links, truth=truth)
+            self._check_continuous(f"truth of {plant}", chunks)
+        return Recording(messages=links, truth=truth), derived
 
     def _message(self, raw: RawMessage) -> Message:
-        tick = tick_of(raw.log_time_ns, self.ticks_per_second)
-        step = step_of(raw.log_time_ns, raw.publish_time_ns)
-        return Message(raw.sequence, tick, step, decode(raw.topic.type_name, raw.cdr))
+        tick = tick_of(raw.tick_time_ns, self.ticks_per_second)
+        return Message(raw.sequence, tick, raw.step, decode(raw.topic.type_name, raw.cdr))
 
     def _samples(self, raw: RawMessage) -> tuple[int, FloatArray]:
         first, samples = decode_truth(raw.cdr)
         last = first + samples.shape[0] - 1
-        logged = tick_of(raw.log_time_ns, self.ticks_per_second)
+        logged = tick_of(raw.tick_time_ns, self.ticks_per_second)
         if logged != last:
             raise ValueError(f"it is logged at tick {logged} and ends with tick {last}")
         return first, samples
 
-    def _check_continuous(self, plant: str, chunks: list[tuple[int, FloatArray]]) -> None:
+    def _check_continuous(self, what: str, chunks: list[tuple[int, FloatArray]]) -> None:
+        """Put chunks in order, and make sure that they join."""
+        chunks.sort(key=lambda chunk: chunk[0])
         for (first, samples), (following, next_samples) in pairwise(chunks):
             due = first + samples.shape[0]
             if following != due:
-                raise self._unfit(f"truth of {plant}", f"tick {following} stands where tick {due} should")
+                raise self._unfit(what, f"tick {following} stands where tick {due} should")
             if next_samples.shape[1] != samples.shape[1]:
-                raise self._unfit(f"truth of {plant}", f"the number of states changes at tick {following}")
+                raise self._unfit(what, f"the number of states changes at tick {following}")
 
     def _unfit(self, what: str, found: str) -> BagError:
         return BagError(f"{self.path}: {what}", found, "the messages of one run, each once, without gaps")
@@ -134,10 +162,19 @@ def read_bag(directory: Path) -> Bag:
     Raises
     ------
     BagError
-        If there is no bag, it was cut off or damaged (the remedy is ``etac recover``), or it is not one of
-        etac_ros.
+        If there is no bag, it is still being written, it was cut off or damaged (the remedy is ``etac recover``), or
+        it is not one of etac_ros.
     """
     path = mcap_file(directory)
+    if is_being_written(path):
+        raise BagError(
+            str(directory), "is still being written", "a bag that was closed", "wait until its run has ended"
+        )
+    return read_file(directory, path)
+
+
+def read_file(directory: Path, path: Path) -> Bag:
+    """Open a bag by its MCAP file, whether or not somebody has that open. Otherwise as :func:`read_bag`."""
     announced = read_counts(directory)
     contents = Contents(path)
     counts: dict[str, TopicCount] = defaultdict(TopicCount)
@@ -146,15 +183,26 @@ def read_bag(directory: Path) -> Bag:
     check_origin(contents)
     topics = {topic: counts[topic.name] for topic in contents.topics.values()}
     found = {topic.name: count.messages for topic, count in topics.items()}
-    if found != announced:
-        odd = next(name for name in [*found, *announced] if found.get(name) != announced.get(name))
-        raise BagError(
-            f"{directory}: {odd}",
-            f"{found.get(odd, 0)} messages in the .mcap file, {announced.get(odd, 0)} in {FILE_NAME}",
-            "the same number",
-            f"etac recover {directory}",
-        )
+    _compare(directory, found, announced, FILE_NAME)
+    if contents.announced is not None:
+        in_statistics = dict.fromkeys(found, 0)
+        for channel, messages in contents.announced.items():
+            name = contents.topics[channel].name if channel in contents.topics else f"channel {channel}"
+            in_statistics[name] = in_statistics.get(name, 0) + messages
+        _compare(directory, found, in_statistics, "its statistics")
     return Bag(directory, path, topics, contents.metadata, contents.attachments)
+
+
+def _compare(directory: Path, found: Mapping[str, int], announced: Mapping[str, int], where: str) -> None:
+    if found == announced:
+        return
+    odd = next(name for name in [*found, *announced] if found.get(name) != announced.get(name))
+    raise BagError(
+        f"{directory}: {odd}",
+        f"{found.get(odd, 0)} messages in the .mcap file, {announced.get(odd, 0)} in {where}",
+        "the same number",
+        f"etac recover {directory}",
+    )
 
 
 def check_origin(contents: Contents) -> None:

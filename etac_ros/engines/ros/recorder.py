@@ -9,6 +9,7 @@ from rclpy.context import Context
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
@@ -23,6 +24,10 @@ class Sink(Protocol):
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         """Keep one message."""
+        ...
+
+    def placed_until(self, tick_time_ns: int) -> None:
+        """Take note that all messages up to a simulated time are written, so that truth up to there may follow."""
         ...
 
     def close(self) -> None:
@@ -51,6 +56,7 @@ class RecorderNode(RunNode):
         self._written: dict[str, Count] = {}
         self._leave_notes: dict[str, dict[str, Any]] = {}
         self._tick = 0
+        self._logged = 0
         for link in plan.graph.links.values():
             self._hear(link)
         for plant in plan.graph.plants:
@@ -124,6 +130,7 @@ class RecorderNode(RunNode):
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
             self._acknowledge()
+            self._let_truth_follow()
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -135,7 +142,7 @@ class RecorderNode(RunNode):
             first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
             last = first + samples.shape[0] - 1
             self._tick = max(self._tick, last)
-            self._write(topic, data, last, 0, sequence)
+            self._write(topic, data, last, AFTER_ALL_STEPS, sequence)
             self.settle()
 
         self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
@@ -153,8 +160,10 @@ class RecorderNode(RunNode):
         for name, number, tick, step in content["transits"]:
             self._places[name, number] = (tick, step)
             self._tick = max(self._tick, tick)
+            self._logged = max(self._logged, tick)
             self._sort_in(name, number)
         self._acknowledge()
+        self._let_truth_follow()
         self.settle()
 
     def _acknowledge(self) -> None:
@@ -170,13 +179,19 @@ class RecorderNode(RunNode):
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
 
+    def _let_truth_follow(self) -> None:
+        """Say up to which tick every message is in the bag: before the last logged tick, and before any on its way."""
+        on_their_way = [tick for tick, _ in self._places.values()]
+        complete = min([self._logged, *on_their_way]) - 1
+        self._bag().placed_until(nanoseconds(complete, self.plan.graph.ticks_per_second))
+
     def _on_leave(self, content: Any, sequence: int) -> None:
         self._leave_notes[content["node"]] = content
         self.settle()
 
     def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:
-        log_time = nanoseconds(tick, self.plan.graph.ticks_per_second)
-        self._bag().write(topic, data, log_time, log_time + step, sequence)
+        published = nanoseconds(tick, self.plan.graph.ticks_per_second)
+        self._bag().write(topic, data, log_time_ns(published, step), published, sequence)
         count = self._written.setdefault(topic, Count())
         count.messages += 1
         count.cdr_bytes += len(data)
