@@ -69,7 +69,7 @@ def checked_graph(scenario: Scenario) -> Graph:
         If it could not, or cannot be built.
     """
     graph = scenario.build()
-    check_figures(scenario.published, graph, str(scenario.path))
+    check_figures(scenario, graph)
     return graph
 
 

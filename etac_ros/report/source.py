@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,8 +51,7 @@ class ReportedRun:
     @property
     def overrides(self) -> dict[str, Any]:
         """What ``--set`` changed."""
-        found = json.loads(self.metadata.get("overrides") or "{}")
-        return found if isinstance(found, dict) else {}
+        return dict(self.scenario.overrides)
 
     @property
     def is_baseline(self) -> bool:
@@ -106,7 +105,7 @@ def read_run(bag: Path) -> ReportedRun:
         samples.
     """
     found = read_bag(bag)
-    scenario = _scenario(bag, found)
+    scenario = replace(_scenario(bag, found), overrides=_overrides(found))
     graph = scenario.build()
     recording = found.recording()
     _check_fit(bag, graph, recording)
@@ -153,6 +152,15 @@ def plants_apart(run: ReportedRun, other: ReportedRun) -> tuple[str, ...]:
     for plant in run.graph.plants:
         found += _apart(plant, run.scenario.nodes[plant], other.scenario.nodes[plant])
     return tuple(found)
+
+
+def _overrides(found: Bag) -> dict[str, Any]:
+    """What the bag says was changed by ``--set``; the scenario inside has it in place already."""
+    try:
+        overrides = json.loads(found.metadata.get("overrides") or "{}")
+    except ValueError:
+        return {}
+    return overrides if isinstance(overrides, dict) else {}
 
 
 def _apart(where: str, one: Any, other: Any) -> list[str]:

@@ -8,8 +8,9 @@ from functools import cached_property
 
 from etac_ros.metrics.curves import attitude_angle, transient_end_s, trigger_modules
 from etac_ros.metrics.decisions import Decisions, Margins, decisions, margins
+from etac_ros.metrics.figures import FigureKey
+from etac_ros.metrics.summary import PublishedValue
 from etac_ros.report.source import ReportedRun
-from etac_ros.scenario.schema import PublishedFigure
 
 
 @dataclass(frozen=True)
@@ -98,11 +99,9 @@ class View:
         return next((other for other in self.others if self._is_baseline(other)), None)
 
     @property
-    def paper_baseline(self) -> PublishedFigure | None:
-        """The paper's bytes of its baseline, where they belong to a run as long as this one."""
-        if "duration_s" in self.run.overrides or not self.run.is_complete:
-            return None
-        return self.run.scenario.published.get("baseline_payload_bytes")
+    def paper_baseline(self) -> PublishedValue | None:
+        """The paper's bytes of its baseline, where they stand beside this run and it is complete."""
+        return self.run.summary.paper.get(FigureKey("baseline_payload_bytes")) if self.run.is_complete else None
 
     @property
     def source(self) -> str:

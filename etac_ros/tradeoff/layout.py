@@ -12,7 +12,7 @@ import numpy as np
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.plant import PlantModule
-from etac_ros.metrics.published import check as check_figures
+from etac_ros.metrics.published import check_measure
 from etac_ros.metrics.summary import steady_from_s
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.document import EVERYWHERE, choice
@@ -175,8 +175,11 @@ def _joined(parts: Sequence[tuple[str, Plan]], places: Sequence[Place]) -> Plan:
 
 def _own_figures(scenario: Scenario, error: str) -> dict[str, PublishedFigure]:
     """The published figures with a measure that the steady error is: one, or one for each plant."""
-    names = {error, *(f"{error}{plant.replace('/', '_')}" for plant in scenario.build().plants)}
-    return {name: figure for name, figure in scenario.published.items() if name in names and figure.measure is not None}
+    return {
+        name: figure
+        for name, figure in scenario.published.items()
+        if error == (figure.figure or name) and figure.measure is not None
+    }
 
 
 def _with_figures(scenario: Scenario, own: Mapping[str, PublishedFigure]) -> Scenario:
@@ -193,11 +196,14 @@ def _check_error(
 ) -> None:
     if section.error != USUAL_ERROR and not own:
         known = sorted(
-            name for name, figure in places[-1].scenario.published.items() if figure.measure is not None
+            {figure.figure or name for name, figure in places[-1].scenario.published.items() if figure.measure}
         )  # the file's own: the paper's points come last
         raise ScenarioError(f"{file}.error", f"found '{section.error}'", choice(section.error, [USUAL_ERROR, *known]))
     for place in places if own else []:
-        check_figures(own, place.scenario.build(), str(place.scenario.path))
+        graph = place.scenario.build()
+        for name, figure in own.items():
+            assert figure.measure is not None
+            check_measure(figure.measure, graph, f"{place.scenario.path}: published.{name}.measure")
 
 
 def _deciders(graph: Graph) -> tuple[str, ...]:

@@ -26,12 +26,13 @@ def _found(
     return [Quantity(row, label, unit, columns, partial(curve, row=row)) for row in curves.bodies(view.run.graph)]
 
 
-def _ends(view: View, figure: Callable[[Performance], float], unit: str) -> str:
+def _ends(view: View, figure: Callable[[Performance], float | None], unit: str) -> str:
     """The largest of a figure over the steady part, of each plant."""
     several = len(view.run.graph.plants) > 1
     ends = [
-        f"{figure(figures):.3g} {unit}" + (f" ({plant})" if several else "")
+        f"{value:.3g} {unit}" + (f" ({plant})" if several else "")
         for plant, figures in view.run.summary.performance.items()
+        if (value := figure(figures)) is not None
     ]
     return ", ".join(ends)
 
