@@ -16,6 +16,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import energy, held_inputs, last_sent, trigger_ticks
 from etac_ros.metrics.figures import OF_SENSORS, FigureKey, key_of
 from etac_ros.modules.sensor import Sensor
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import bodies_of, errors_of
 from etac_ros.plants.watch import Watch
@@ -70,14 +71,9 @@ def _whose(figure: PublishedFigure) -> str | None:
     return figure.node if figure.node is not None or figure.measure is None else figure.measure.node
 
 
-def triggering(graph: Graph) -> tuple[str, ...]:
-    """Names of the modules whose own acts are triggering instants."""
-    return tuple(name for name in graph.reporters if graph.modules[name].triggers)
-
-
 def _alike(graph: Graph, node: str | None) -> tuple[str, ...]:
     """All nodes that have what this one has: the plants, or the modules that trigger."""
-    return graph.plants if node in graph.plants else triggering(graph)
+    return graph.plants if node in graph.plants else triggering_modules(graph)
 
 
 def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[int, tuple[Watch, ...]]:
@@ -196,8 +192,8 @@ def _check_node(figure: PublishedFigure, name: str, graph: Graph, where: str) ->
     node = _whose(figure)
     if node is not None and node not in graph.modules:
         raise ScenarioError(f"{where}.node", f"found '{node}'", choice(node, graph.modules))
-    if node is None and (figure.figure or name) in OF_SENSORS and len(triggering(graph)) > 1:
-        raise ScenarioError(f"{where}.node", "is missing", f"one of: {', '.join(triggering(graph))}")
+    if node is None and (figure.figure or name) in OF_SENSORS and len(triggering_modules(graph)) > 1:
+        raise ScenarioError(f"{where}.node", "is missing", f"one of: {', '.join(triggering_modules(graph))}")
 
 
 def check_measure(wanted: Measure, graph: Graph, where: str) -> None:
@@ -223,12 +219,12 @@ def check_measure(wanted: Measure, graph: Graph, where: str) -> None:
 
 
 def _node(measure: Measure, graph: Graph, where: str) -> str:
-    candidates = triggering(graph) if measure.statistic in _OF_TRIGGERS else tuple(graph.modules)
+    candidates = triggering_modules(graph) if measure.statistic in _OF_TRIGGERS else tuple(graph.modules)
     if measure.node is not None:
         if measure.node not in candidates:
             raise ScenarioError(f"{where}.node", f"found '{measure.node}'", choice(measure.node, candidates))
         return measure.node
-    usual = triggering(graph) if measure.statistic in _OF_TRIGGERS else graph.plants
+    usual = triggering_modules(graph) if measure.statistic in _OF_TRIGGERS else graph.plants
     if len(usual) != 1:
         raise ScenarioError(f"{where}.node", "is missing", f"one of: {', '.join(usual)}")
     return usual[0]

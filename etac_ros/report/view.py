@@ -6,10 +6,11 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.metrics.curves import attitude_angle, transient_end_s, trigger_modules
+from etac_ros.metrics.curves import attitude_angle, transient_end_s
 from etac_ros.metrics.decisions import Decisions, Margins, decisions, margins
 from etac_ros.metrics.figures import FigureKey
 from etac_ros.metrics.summary import PublishedValue
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.report.source import ReportedRun
 
 
@@ -82,7 +83,7 @@ class View:
     def decisions(self) -> dict[str, Decisions]:
         """What the trigger rule of each module was shown, where that can be recomputed."""
         run = self.run
-        found = {name: decisions(run.graph, run.recording, name) for name in trigger_modules(run.graph)}
+        found = {name: decisions(run.graph, run.recording, name) for name in triggering_modules(run.graph)}
         return {name: shown for name, shown in found.items() if shown is not None}
 
     @cached_property

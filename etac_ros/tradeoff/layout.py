@@ -10,10 +10,10 @@ from itertools import product
 import numpy as np
 
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import Graph
 from etac_ros.graph.plant import PlantModule
 from etac_ros.metrics.published import check_measure
 from etac_ros.metrics.summary import steady_from_s
+from etac_ros.modules.triggering import event_triggered_modules
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.document import EVERYWHERE, choice
 from etac_ros.scenario.load import Scenario, available, load
@@ -130,7 +130,7 @@ def lay_out(name: str, runs: int) -> Layout:
     places = [replace(place, scenario=_with_figures(place.scenario, own)) for place in places]
     _check_error(section, own, places, file)
     plan = _joined(parts, places)
-    return Layout(scenario, section, tuple(places), plan, _deciders(scenario.build()))
+    return Layout(scenario, section, tuple(places), plan, event_triggered_modules(scenario.build()))
 
 
 def start_error_deg(scenario: Scenario) -> float:
@@ -204,8 +204,3 @@ def _check_error(
         for name, figure in own.items():
             assert figure.measure is not None
             check_measure(figure.measure, graph, f"{place.scenario.path}: published.{name}.measure")
-
-
-def _deciders(graph: Graph) -> tuple[str, ...]:
-    modules = {name: graph.modules[name] for name in graph.reporters}
-    return tuple(name for name, module in modules.items() if module.triggers and module.every is None)
