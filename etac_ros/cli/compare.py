@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import track
 
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.cells import figure_words, is_outside, paper_cells
+from etac_ros.metrics.cells import is_outside, paper_cells
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
 from etac_ros.runs import baseline_of, run_in_process
 from etac_ros.scenario.load import Scenario, load
@@ -74,7 +74,7 @@ def _figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Tab
             published, band = paper_cells(figure)
             cells = (number(value), published, band + ("!" if is_outside(value, figure) else " "))
             name = scenario.variant or "" if place == 0 else ""
-            rows.append(Row((name, figure_words(key, figure), *cells), ends=place == len(shown) - 1))
+            rows.append(Row((name, summary.label_of(key), *cells), ends=place == len(shown) - 1))
     return Table("", ("variant", "figure", "this run", "paper", "band"), tuple(rows), texts=frozenset({"figure"}))
 
 

@@ -12,9 +12,8 @@ from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.metrics.cells import (
     KINDS,
-    PERFORMANCE,
+    PERFORMANCE_SHORT,
     WATCHED,
-    figure_words,
     is_outside,
     paper_cells,
     performance_cells,
@@ -96,11 +95,12 @@ def _figures(keys: Sequence[FigureKey], source: str, summary: Summary, more: boo
         ]
         if baseline is not None:
             cells.append(optional(baseline.figures.get(key)))
-        rows.append(Row((figure_words(key, figure), *cells)))
+        rows.append(Row((summary.label_of(key), *cells)))
     columns = ("", "this run", *((source, "band") if paper else ()))
     if baseline is not None:
-        columns = (*columns, f"{baseline.variant} baseline")
-    notes = ((_OUTSIDE,) if outside else ()) + (() if more else _reason(source, summary))
+        columns = (*columns, "baseline")
+    against = () if baseline is None else (f"baseline: {baseline.variant}",)
+    notes = against + ((_OUTSIDE,) if outside else ()) + (() if more else _reason(source, summary))
     return Table("", columns, tuple(rows), notes)
 
 
@@ -123,7 +123,7 @@ def _by_namespace(alike: Sequence[Mapping[str, FigureKey]], source: str, summary
             cell = "-" if value is None else number(value)
             cells.append(cell if figure is None else f"{cell} ({printed(figure)}){'!' if marked else ' '}")
         first = next(iter(members.values()))
-        rows.append(Row((figure_words(FigureKey(first.name), paper.get(first)), *cells)))
+        rows.append(Row((summary.label_of(first).removesuffix(f", {first.node}"), *cells)))
     notes = ((_OUTSIDE,) if outside else ()) + _reason(source, summary)
     return Table("", (f"this run ({source})" if paper else "this run", *namespaces), tuple(rows), notes)
 
@@ -149,7 +149,7 @@ def _performance(summary: Summary) -> Table:
         runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
     rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
     note = f"error and rate at the end, * from {summary.steady_from_s:g} s on"
-    table = Table("", ("plant", *PERFORMANCE), rows, (note,)).without_empty_columns()
+    table = Table("", ("plant", *PERFORMANCE_SHORT), rows, (note,)).without_empty_columns()
     return table if len(table.columns) > 2 else replace(table, notes=())
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from etac_ros.metrics.figures import FigureKey, label
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
 from etac_ros.tables.numbers import band, bracketed, number, optional, type_words
 
 KINDS = ("network", "internal", "emulation")
 PERFORMANCE = ("error [deg]", "largest* [deg]", "rate [deg/s]", "largest* [deg/s]", "energy [N²m²s]")
+PERFORMANCE_SHORT = ("error [deg]", "largest*", "rate [deg/s]", "largest*", "energy [N²m²s]")
+"""The same where the columns stand beside each other."""
 WATCHED = ("largest", "at [s]", "axis", "largest*", "at the end", "notice", "limit")
 
 
@@ -51,11 +52,6 @@ def topic_type(topic: Topic) -> str:
 def totals_of(summary: Summary, kind: str) -> Totals:
     """Totals of the topics of a kind."""
     return {"network": summary.network, "internal": summary.internal, "emulation": summary.emulation}[kind]
-
-
-def figure_words(key: FigureKey, figure: PublishedValue | None) -> str:
-    """What a figure is called beside the paper's."""
-    return label(key, "" if figure is None else figure.label)
 
 
 def paper_cells(figure: PublishedValue | None) -> tuple[str, str]:

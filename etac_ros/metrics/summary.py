@@ -17,7 +17,7 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of
+from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, watches_of_module
 from etac_ros.plants.plant import errors_of
 from etac_ros.scenario.load import Scenario
@@ -107,6 +107,8 @@ class _Figure(_Model):
 class MeasuredValue(_Figure):
     """A figure of the run."""
 
+    label: str = Field(default="", description="what the scenario calls it, where its name does not say it")
+
 
 class PublishedValue(_Figure):
     """A figure of the paper."""
@@ -166,6 +168,11 @@ class Summary(_Model):
     def paper(self) -> dict[FigureKey, PublishedValue]:
         """The paper's figures."""
         return {one.key: one for one in self.published}
+
+    def label_of(self, key: FigureKey) -> str:
+        """What a figure is called in a table, in the scenario's words where it has some."""
+        words = {one.key: one.label for one in self.own} | {one.key: one.label for one in self.published}
+        return label(key, words.get(key, ""))
 
     def value(self, figure: str, node: str | None = None) -> float | None:
         """A measured figure; None where the run does not have it."""
@@ -360,7 +367,7 @@ def _own_figures(
     for key, figure in published.items():
         value = None if figure.measure is None else measure(figure.measure, graph, recording)
         if value is not None:
-            found.append(MeasuredValue(figure=key.name, node=key.node, value=value))
+            found.append(MeasuredValue(figure=key.name, node=key.node, value=value, label=figure.label))
     return found
 
 

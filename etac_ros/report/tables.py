@@ -8,7 +8,6 @@ from etac_ros.metrics.cells import (
     KINDS,
     PERFORMANCE,
     WATCHED,
-    figure_words,
     is_outside,
     paper_cells,
     performance_cells,
@@ -83,7 +82,7 @@ def published_table(view: View) -> Table | None:
     for key in keys:
         figure, value = paper.get(key), here.get(key)
         of_baseline = view.baseline is not None and key in _AT_BASELINE
-        cells = [figure_words(key, figure), "" if of_baseline else optional(value)]
+        cells = [summary.label_of(key), "" if of_baseline else optional(value)]
         if paper:
             cells += [*paper_cells(figure), _verdict(value, figure)]
         cells += [optional(_beside(view, other).get(key)) for other in view.others]
