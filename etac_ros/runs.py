@@ -80,7 +80,7 @@ def checked_graph(scenario: Scenario) -> Graph:
         If it could not, or cannot be built.
     """
     graph = scenario.graph
-    check_figures(scenario.published, graph, str(scenario.path))
+    check_figures(scenario, graph)
     return graph
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.recording import Message, Recording
-from etac_ros.metrics.published import check, held_torque, label, measure
+from etac_ros.metrics.figures import FigureKey, families, key_of, label
+from etac_ros.metrics.published import check_measure, held_torque, measure
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
@@ -70,9 +71,8 @@ def test_a_figure_that_no_run_could_give_is_refused() -> None:
     graph = load("wu2018").build()
 
     def refused(**wanted) -> str:  # type: ignore[no-untyped-def]
-        figure = PublishedFigure(value=1.0, low=0.0, high=2.0, measure=Measure(**wanted))
         with pytest.raises(ScenarioError) as caught:
-            check({"mine": figure}, graph, "my.yaml")
+            check_measure(Measure(**wanted), graph, "my.yaml: published.mine.measure")
         return str(caught.value)
 
     text = refused(statistic="final", quantity="mood")
@@ -99,10 +99,24 @@ def test_a_measure_is_checked_by_itself() -> None:
 
 
 def test_labels() -> None:
-    assert label("triggers", ["/sensor"]) == "triggering instants"
-    assert label("triggers_pm_sensor", ["/pm/sensor", "/sm/sensor"]) == "triggering instants, /pm/sensor"
-    assert label("settled_s", [], "settled [s]") == "settled [s]"
-    assert label("some_figure", []) == "some figure"
+    assert label(FigureKey("triggers")) == "triggering instants"
+    assert label(FigureKey("triggers", "/pm/sensor")) == "triggering instants, /pm/sensor"
+    assert label(FigureKey("settled_s"), "settled [s]") == "settled [s]"
+    assert label(FigureKey("some_figure")) == "some figure"
+
+
+def test_figures_of_nodes_whose_names_look_alike_are_kept_apart() -> None:
+    nodes = ("/a/b_c", "/a_b/c", "/a_b_c")
+    keys = [key_of("triggers", node, nodes) for node in nodes]
+    assert len(set(keys)) == len({str(key) for key in keys}) == 3
+    assert [FigureKey.parse(str(key)) for key in keys] == keys
+    assert key_of("triggers", "/a/b_c", ["/a/b_c"]) == FigureKey("triggers") == FigureKey.parse("triggers")
+
+
+def test_families_are_figures_of_nodes_of_the_same_name() -> None:
+    keys = [FigureKey("triggers", f"/{sc}/sensor") for sc in ("sc1", "sc2")]
+    others = [FigureKey("triggers", "/sc1/other"), FigureKey("energy", "/sc1/sensor"), FigureKey("energy")]
+    assert families([*keys, *others]) == [{"/sc1": keys[0], "/sc2": keys[1]}]
 
 
 def test_steady_figures_begin_where_the_scenario_says() -> None:
@@ -117,6 +131,5 @@ def test_steady_figures_begin_where_the_scenario_says() -> None:
 
 def test_the_graph_decides_who_is_meant() -> None:
     graph = load("qi2022").build()
-    figure = PublishedFigure(value=1.0, low=0.0, high=2.0, measure=Measure(statistic=Statistic.COUNT))
     with pytest.raises(ScenarioError, match="/pm/relative_sensor"):
-        check({"mine": figure}, graph, "my.yaml")
+        check_measure(Measure(statistic=Statistic.COUNT), graph, "my.yaml")

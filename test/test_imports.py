@@ -17,6 +17,7 @@ PACKAGE = Path(etac_ros.__file__).parent
 FLOORS = [
     "plain_text",
     "errors",
+    "tables",
     "parameters",
     "maths",
     "plants",

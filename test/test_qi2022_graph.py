@@ -128,12 +128,22 @@ def test_a_part_needs_a_run_to_join(tmp_path: Path) -> None:
 
 
 def test_compare_shows_the_cases_beside_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
-    compare("qi2022", ["case1", "case3", "site-sm"], ["duration_s=20"], make_console())
+    compare("qi2022", ["case1", "site-sm"], [], make_console())
     shown = capsys.readouterr().out
     assert "187 to 225" in shown
     assert "network /pm -> /sm" in shown
-    (row,) = [line for line in shown.splitlines() if line.startswith("site-sm") and "/" in line and "400" in line]
-    assert "400 / 24,000" in row
+    (row,) = [line for line in shown.splitlines() if line.startswith("site-sm") and " / 120,000" in line]
+    assert "2,000 / 120,000" in row
+
+
+def test_compare_of_a_changed_scenario_says_why_nothing_of_the_paper_stands_there(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    compare("qi2022", ["case1", "case3"], ["duration_s=2"], make_console())
+    shown = capsys.readouterr().out
+    assert "no figures of the paper: " in shown
+    assert "duration_s is changed" in shown
+    assert "187 to 225" not in shown
 
 
 def test_report_has_both_bodies_and_the_margin_of_the_relative_sensor(tmp_path: Path) -> None:

@@ -149,3 +149,30 @@ def test_a_triggering_instant_counts_once_however_many_links_carry_it(tmp_path: 
 def test_a_staircase_holds_each_value_until_the_next() -> None:
     stairs = replay.Staircase(np.array([3, 5]), np.array([[1.0], [2.0]]))
     np.testing.assert_array_equal(stairs.over(2, 5).ravel(), [np.nan, 1.0, 1.0, 2.0, 2.0])
+
+
+def test_the_input_of_a_plant_is_the_sum_of_what_its_links_hold(tmp_path: Path) -> None:
+    """By hand, without the hold that plant and replay share."""
+    run = Watched(two_actuators(tmp_path, second_torque={"delay_ticks": 5}))
+    total = np.zeros((run.graph.end_tick, 3))
+    for link in run.graph.hears["/plant"]:
+        for message in run.recording.messages[link.name]:
+            total[message.tick + link.channel.delay_ticks :] += message.value - _before(
+                run, link.name, message.sequence
+            )
+    held = replay.held_inputs(run.graph, run.recording, "/plant")["torque"]
+    np.testing.assert_allclose(held.over(0, run.graph.end_tick), total, atol=1e-12)
+
+
+def _before(run: Watched, link: str, sequence: int) -> FloatArray:
+    return np.zeros(3) if sequence == 1 else run.recording.messages[link][sequence - 2].value
+
+
+def test_samples_inside_a_module_are_those_on_which_it_could_act() -> None:
+    scenario = load("shi2022", None, ["duration_s=0.5"])
+    graph = scenario.build()
+    recording = InProcess(graph, WindowPolicy(8, 8)).run()
+    summary = summarise(scenario, graph, recording, "inprocess", Timing(startup_s=0.0, loop_s=0.0, total_s=0.0))
+    # The sample of the end tick is committed, and nobody acts on it any more.
+    assert recording.samples(graph.plants[0])[1].shape[0] == graph.end_tick + 1
+    assert list(summary.samples.values()) == [graph.end_tick]

@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from etac_ros.metrics import curves
+from etac_ros.metrics.summary import summarise
 from etac_ros.report import tables, write_report
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT
@@ -172,7 +173,7 @@ def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, p
     }
     assert cells(table, "baseline's payload [bytes]")["baseline (periodic)"] == "24,000"
     assert cells(table, "baseline's payload [bytes]")["this run"] == ""
-    reduction = cells(table, "fewer bytes [%]")
+    reduction = cells(table, "fewer bytes as sent [%]")
     payload = whole.summary.network.payload_bytes
     assert float(reduction["this run"]) == pytest.approx(100.0 * (1.0 - payload / 24_000.0), abs=0.05)
 
@@ -184,13 +185,21 @@ def test_what_is_measured_at_the_baseline_stands_in_its_column_alone(whole: Repo
     assert [row[label] for label in view.labels] == ["", "", "24,000"]
 
 
-def test_what_lies_outside_its_band_is_said_to(tmp_path: Path) -> None:
+def test_what_lies_outside_its_band_is_said_to(whole: ReportedRun, tmp_path: Path) -> None:
     run = read_run(record(tmp_path / "bag", "sensor.trigger.alpha=0.05", "duration_s=200"))
-    view = View(run)
-    table = tables.published_table(view)
-    assert cells(table, "triggering instants")["in the band"] == "no"
+    beside = run.summary.model_copy(update={"published": whole.summary.published, "published_not": ""})
+    assert (
+        cells(tables.published_table(View(replace(run, summary=beside))), "triggering instants")["in the band"] == "no"
+    )
+
+
+def test_a_changed_run_does_not_stand_beside_the_paper_and_says_why(tmp_path: Path) -> None:
+    run = read_run(record(tmp_path / "bag", "sensor.trigger.alpha=0.05", "duration_s=200"))
+    table = tables.published_table(View(run))
     assert table is not None
-    assert any("overrides sensor.trigger.alpha, duration_s" in note for note in table.notes)
+    assert table.columns == ("", "this run")
+    assert any("sensor.trigger.alpha and duration_s are changed" in note for note in table.notes)
+    assert View(run).paper_baseline is None
 
 
 def ends_of_lines(view: View) -> list[tuple[float, float]]:
@@ -233,7 +242,13 @@ def test_the_published_baseline_is_not_drawn_over_a_run_of_another_length(folder
 def test_a_variant_is_compared_with_what_the_paper_publishes_of_it(periodic: ReportedRun, tmp_path: Path) -> None:
     assert tables.published_table(View(periodic)) is None
     run_in_process(load("flexible", "periodic", ["duration_s=10"]), tmp_path / "bag")
-    row = cells(tables.published_table(View(read_run(tmp_path / "bag"))), "triggering instants")
+    run = read_run(tmp_path / "bag")
+    assert cells(tables.published_table(View(run)), "triggering instants") == {
+        "": "triggering instants",
+        "this run": "5",
+    }
+    stands = summarise(replace(run.scenario, overrides={}), run.graph, run.recording, "inprocess", run.summary.timing)
+    row = cells(tables.published_table(View(replace(run, summary=stands))), "triggering instants")
     assert (row["this run"], row["paper"], row["in the band"]) == ("5", "500", "no")
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from etac_ros.graph.replay import trigger_ticks
 from etac_ros.metrics import curves
 from etac_ros.metrics.decisions import parts_of
-from etac_ros.modules.triggering import Triggering
+from etac_ros.modules.triggering import Triggering, triggering_modules
 from etac_ros.plants.plant import modes_slice_of
 from etac_ros.report import tables
 from etac_ros.report.figures.kind import FigureKind
@@ -67,7 +67,7 @@ def test_every_rule_is_recomputed_to_fire_where_its_module_did_and_nowhere_else(
     view = views[system]
     run = view.run
     compared = [
-        name for name in curves.trigger_modules(run.graph) if "Periodic" not in type(trigger_of(view, name)).__name__
+        name for name in triggering_modules(run.graph) if "Periodic" not in type(trigger_of(view, name)).__name__
     ]
     assert tuple(view.margins) == tuple(compared)
     assert compared

@@ -69,9 +69,9 @@ def test_figures_of_the_summary(summaries: dict[str, Summary]) -> None:
     assert ros.network.payload_bytes == 24 * triggers.count
     assert ros.network.cdr_bytes == 32 * triggers.count
     assert ros.topics["/emulation/torque"].payload_bytes == 0
-    assert ros.measured["network_payload_bytes"] == ros.network.payload_bytes
+    assert ros.value("network_payload_bytes") == ros.network.payload_bytes
     assert ros.baseline is not None
-    assert ros.measured["reduction_percent"] == pytest.approx(0.0)
+    assert ros.value("reduction_percent") == pytest.approx(0.0)
 
 
 def test_written_by_the_command_line(tmp_path: Path) -> None:

@@ -12,7 +12,17 @@ from hypothesis import strategies as st
 from etac_ros.sweep.bands import Endings, bands, endings, shortest_interval
 from etac_ros.sweep.result import SweepResult, result_of
 
-PAPER = {"value": 3.0, "low": 2.0, "high": 4.0, "label": "", "where": "", "reason": ""}
+SHORTEST = "min_interval_s"
+PAPER = {
+    "figure": "triggers",
+    "node": None,
+    "value": 3.0,
+    "low": 2.0,
+    "high": 4.0,
+    "label": "",
+    "where": "",
+    "reason": "",
+}
 DESCRIPTION: dict[str, Any] = {
     "points": [{"k": 1.0}, {"k": 2.0}],
     "runs": 50,
@@ -68,9 +78,9 @@ def test_figures_can_be_chosen_and_keys_are_none() -> None:
 
 def test_the_shortest_interval_is_that_of_an_event_triggered_module() -> None:
     made = result(
-        row(0, min_interval_s_pm_a=0.05, min_interval_s_pm_b=0.5),
-        row(7, min_interval_s_pm_a=0.05, min_interval_s_pm_b=0.15),
-        row(8, min_interval_s_pm_a=0.05, min_interval_s_pm_b=None),
+        row(0, **{f"{SHORTEST} /pm/a": 0.05, f"{SHORTEST} /pm/b": 0.5}),
+        row(7, **{f"{SHORTEST} /pm/a": 0.05, f"{SHORTEST} /pm/b": 0.15}),
+        row(8, **{f"{SHORTEST} /pm/a": 0.05, f"{SHORTEST} /pm/b": None}),
     )
     shortest = shortest_interval(made)
     assert shortest is not None
@@ -78,7 +88,7 @@ def test_the_shortest_interval_is_that_of_an_event_triggered_module() -> None:
 
 
 def test_no_interval_is_none() -> None:
-    assert shortest_interval(result(row(0, min_interval_s_pm_a=0.05, min_interval_s_pm_b=None))) is None
+    assert shortest_interval(result(row(0, **{f"{SHORTEST} /pm/a": 0.05, f"{SHORTEST} /pm/b": None}))) is None
     assert shortest_interval(result(row(0, triggers=1.0))) is None
 
 

@@ -9,6 +9,7 @@ import pytest
 from conftest import SmallScenario
 from test_cli import etac
 
+from etac_ros.metrics.figures import FigureKey
 from etac_ros.sweep.result import read_result
 
 RATE = "plant.dynamics.rate_deg_s"
@@ -66,7 +67,8 @@ def test_a_sweep_its_summary_and_a_replay(small: SmallScenario, tmp_path: Path) 
     assert "run 3 at grid point 1" in replay.stdout
     summary = json.loads((tmp_path / "seven.json").read_text())
     row = result.table.to_pylist()[7]
-    assert {name: row[name] for name in summary["measured"]} == summary["measured"]
+    for one in summary["measured"]:
+        assert row[str(FigureKey(one["figure"], one["node"]))] == one["value"]
     assert summary["seed"] == row["seed"]
     assert summary["overrides"][RATE] == row[f"drawn.{RATE}"]
 
@@ -81,7 +83,7 @@ def test_a_replay_over_dds_is_the_same_run_with_a_bag(small: SmallScenario, tmp_
     assert (one["engine"], other["engine"]) == ("inprocess", "ros")
     for key in ("final_state", "triggers", "measured", "seed", "overrides"):
         assert one[key] == other[key], key
-    assert one["measured"]["baseline_messages"] == 80.0
+    assert {"figure": "baseline_messages", "node": None, "value": 80.0} in one["measured"]
     info = etac("info", "bag", cwd=tmp_path)
     assert info.returncode == 0
     assert str(one["seed"]) in info.stdout

@@ -56,8 +56,8 @@ def test_a_sample_replays_to_the_bit(plan: Plan) -> None:
     again = run_sample(plan, 5)
     assert row["sample"] == 5
     assert row[f"drawn.{RATE}"] == plan.draws(5)[RATE]
-    for name, value in again.summary.measured.items():
-        assert row[name] == value, name
+    for key, value in again.summary.figures.items():
+        assert row[str(key)] == value, key
     # And to the bit of a run that is given the same values by hand.
     values = [f"{key}={json.dumps(value)}" for key, value in {**plan.draws(5), "seed": row["seed"]}.items()]
     by_hand = run_in_process(load(str(plan.scenario.path), None, [f"{K}=2.0", *values]))
@@ -155,7 +155,7 @@ def test_a_run_that_a_watch_ends_is_a_row() -> None:
     ended = [row for row in found if row["halted"]]
     assert 0 < len(ended) < len(found)
     assert all("angle between the modules" in row["halted"] for row in ended)
-    assert all(row["triggers_pm_attitude_sensor"] >= 1.0 for row in found if not row["halted"])
+    assert all(row["triggers /pm/attitude_sensor"] >= 1.0 for row in found if not row["halted"])
 
 
 def test_a_draw_that_the_scenario_refuses_is_a_row(small: SmallScenario) -> None:

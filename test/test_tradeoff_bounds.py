@@ -14,7 +14,8 @@ from etac_ros.metrics.published import held_torque
 from etac_ros.parameters import square
 from etac_ros.runs import simulate
 from etac_ros.scenario.load import load
-from etac_ros.tradeoff.bounds import bound_of, relative_threshold, split_norm
+from etac_ros.tradeoff.bounds import bound_of
+from etac_ros.triggers import relative, split_norm
 
 
 @given(st.floats(1e-6, 1e-2), st.floats(1.0, 100.0), st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
@@ -22,7 +23,7 @@ def test_the_relative_bound_is_the_time_of_the_comparison_lemma(
     gamma: float, gain: float, drift: float, signal: float
 ) -> None:
     inertia = np.diag([3.0, 2.0, 5.0])  # |J^-1| is 1/2
-    bound = relative_threshold(gamma, gain, inertia, drift, signal)
+    bound = relative.shortest_interval_s(gamma, gain, inertia, drift, signal)
     # wu2018 eq. (31) with equality: the error grows from 0 to gamma.
     grown = solve_ivp(
         lambda _, e: 0.5 * (drift + gain * signal + gain * e), (0.0, bound), [0.0], rtol=1e-10, atol=1e-14
@@ -32,7 +33,9 @@ def test_the_relative_bound_is_the_time_of_the_comparison_lemma(
 
 def test_the_bound_of_a_formation_by_hand() -> None:
     # psi = 2 * 5 * 2 * 0.1 + 2 * 6 * 0.2 + (2 * 0.1 * 0.2 + 0.3) * 10 = 2 + 2.4 + 3.4
-    assert split_norm(0.78, 1.0, 4, 2.0, 0.1, 0.2, 0.3, 10.0) == pytest.approx(0.1 * math.exp(-math.pi / 2.0))
+    assert split_norm.shortest_interval_s(0.78, 1.0, 4, 2.0, (0.1, 0.2, 0.3), 10.0) == pytest.approx(
+        0.1 * math.exp(-math.pi / 2.0)
+    )
 
 
 def test_what_acts_on_wu2018_s_signal_is_its_eq_26() -> None:
@@ -51,7 +54,7 @@ def test_what_acts_on_wu2018_s_signal_is_its_eq_26() -> None:
     # The printed k of its second term is beta: the term is the rate of beta q_v.
     drift = -np.cross(omega, omega @ inertia) + 0.5 * beta * (np.cross(q, omega) + q0 * omega) @ inertia + disturbance
     signal = np.linalg.norm(omega + beta * q, axis=1).max()
-    expected = relative_threshold(
+    expected = relative.shortest_interval_s(
         1e-6, scenario.nodes["/controller"]["law"]["k"], inertia, np.linalg.norm(drift, axis=1).max(), signal
     )
     bound = bound_of(scenario)
@@ -73,7 +76,7 @@ def test_what_moves_xie2021_is_its_torque() -> None:
         accelerations.append(np.linalg.norm(torque @ np.linalg.inv(inertia), axis=1).max())
         norms.append(np.linalg.norm(inertia, 2))
     # The reference's part, delta_3, is a thousandth of the whole.
-    expected = split_norm(0.001, 1.0, 4, 2.0, max(rates), max(accelerations), 0.0, max(norms))
+    expected = split_norm.shortest_interval_s(0.001, 1.0, 4, 2.0, (max(rates), max(accelerations), 0.0), max(norms))
     bound = bound_of(scenario)
     assert bound is not None
     assert bound.seconds == pytest.approx(expected, rel=3e-3)

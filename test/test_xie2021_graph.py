@@ -119,7 +119,7 @@ def test_deliveries_are_counted_for_each_listener() -> None:
     sent = {f"/sc{i}/state": summary.topics[f"/sc{i}/state"] for i in (1, 2, 3)}
     assert [topic.deliveries for topic in sent.values()] == [190 * 3, 229 * 1, 165 * 2]
     assert summary.network.deliveries == 190 * 3 + 229 + 165 * 2
-    assert summary.measured["network_deliveries"] == summary.network.deliveries
+    assert summary.value("network_deliveries") == summary.network.deliveries
 
 
 def test_an_edge_that_is_down_delivers_nothing_and_comes_back() -> None:

@@ -7,8 +7,9 @@ import sys
 from rich.console import Console
 
 from etac_ros.check import check
-from etac_ros.cli.show import plain_table
 from etac_ros.scenario.load import Scenario
+from etac_ros.tables.table import Row, Table
+from etac_ros.tables.terminal import show
 
 
 def check_and_show(scenario: Scenario, ticks: int, console: Console) -> bool:
@@ -20,17 +21,14 @@ def check_and_show(scenario: Scenario, ticks: int, console: Console) -> bool:
         Whether all is well.
     """
     checked = check(scenario, ticks)
-    table = plain_table("windows of")
-    for column in ("triggering instants", "messages"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("bits of messages and states", no_wrap=True)
-    for run in checked.runs:
-        table.add_row(f"{run.length}", f"{run.triggers:,}", f"{run.messages:,}", run.digest)
+    bits = "bits of messages and states"
+    rows = tuple(Row((f"{run.length}", f"{run.triggers:,}", f"{run.messages:,}", run.digest)) for run in checked.runs)
+    table = Table("", ("windows of", "triggering instants", "messages", bits), rows, texts=frozenset({bits}))
     seconds = checked.ticks / scenario.run.ticks_per_second
     console.print(
         f"{scenario.run.title or scenario.name}: the first {checked.ticks:,} ticks ({seconds:g} s) in process"
     )
-    console.print(table)
+    show(table, console)
     if not checked.faults:
         console.print("the same bits in all windows; no class keeps a hidden state")
     for fault in checked.faults:

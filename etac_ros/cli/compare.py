@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.progress import track
 
-from etac_ros.cli.show import band, figure_label, number, plain_table
 from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.metrics.cells import is_outside, paper_cells
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import Scenario, baseline_of, load
+from etac_ros.tables.numbers import number, optional
+from etac_ros.tables.table import Row, Table
+from etac_ros.tables.terminal import show
 
 _MOST_COLUMNS = 5
 
@@ -46,10 +49,18 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
         for one in track(scenarios, f"{scenario.name}: running variants", console=console, transient=True)
     ]
     console.print(f"\n{scenario.run.title or scenario.name}: variants beside each other", style="bold")
-    console.print("against the paper, where it publishes the figure")
-    _show_figures(scenarios, summaries, console)
-    console.print("\nwhat crosses the network, and what stays inside each namespace (messages / payload bytes)")
-    _show_traffic(scenarios, summaries, console)
+    published = _figures(scenarios, summaries)
+    if published.rows:
+        console.print("against the paper, where it publishes the figure (! outside the band)")
+        show(published, console)
+        console.print()
+    for reason in dict.fromkeys(summary.published_not for summary in summaries if summary.published_not):
+        console.print(f"no figures of the paper: {reason}\n", soft_wrap=True)
+    show(_own_figures(scenarios, summaries), console)
+    traffic = _traffic(scenarios, summaries)
+    if traffic is not None:
+        console.print("\nwhat crosses the network, and what stays inside each namespace (messages / payload bytes)")
+        show(traffic, console)
 
 
 def _baseline(scenario: Scenario, known: dict[str, Summary | None]) -> Summary | None:
@@ -65,50 +76,48 @@ def _baseline(scenario: Scenario, known: dict[str, Summary | None]) -> Summary |
     return known[baseline.digest]
 
 
-def _show_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:
-    table = plain_table("variant", "figure")
-    for column in ("this run", "paper", "band"):
-        table.add_column(column, justify="right", no_wrap=True)
+def _figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Table:
+    rows: list[Row] = []
     for scenario, summary in zip(scenarios, summaries, strict=True):
-        rows = [name for name in scenario.published if name in summary.measured]
-        for place, name in enumerate(rows):
-            figure = summary.published[name]
-            table.add_row(
-                scenario.variant or "" if place == 0 else "",
-                figure_label(name, summary),
-                number(summary.measured[name]),
-                number(figure.value),
-                band(figure),
-                end_section=place == len(rows) - 1,
-            )
-    console.print(table)
+        figures = summary.figures
+        shown = [(key, figure) for key, figure in summary.paper.items() if key in figures]
+        for place, (key, figure) in enumerate(shown):
+            value = figures[key]
+            published, band = paper_cells(figure)
+            cells = (number(value), published, band + ("!" if is_outside(value, figure) else " "))
+            name = scenario.variant or "" if place == 0 else ""
+            rows.append(Row((name, summary.label_of(key), *cells), ends=place == len(shown) - 1))
+    return Table("", ("variant", "figure", "this run", "paper", "band"), tuple(rows), texts=frozenset({"figure"}))
 
 
-def _show_totals(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:
-    """All of a formation together: a column for each pair of namespaces would be too many."""
-    table = plain_table("variant")
-    for column in ("triggering instants", "network messages", "deliveries", "network payload", "internal messages"):
-        table.add_column(column, justify="right", no_wrap=True)
+def _own_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Table:
+    """What every run has, for variants beside which nothing published stands."""
+    rows = []
     for scenario, summary in zip(scenarios, summaries, strict=True):
         instants = " / ".join(f"{triggers.count:,}" for triggers in summary.triggers.values())
         network = summary.network
-        cells = (network.messages, network.deliveries, network.payload_bytes, summary.internal.messages)
-        table.add_row(scenario.variant or "", instants, *(f"{cell:,}" for cell in cells))
-    console.print(table)
+        counts = (network.messages, network.deliveries, network.payload_bytes, summary.internal.messages)
+        energy = summary.value("energy_n2m2s")
+        rows.append(Row((scenario.variant or "", instants, *(f"{count:,}" for count in counts), optional(energy))))
+    columns = (
+        "variant", "triggering instants", "messages", "deliveries", "payload [bytes]", "internal messages",
+        "energy [N²m²s]",
+    )  # fmt: skip
+    return Table("", columns, tuple(rows), spare=frozenset({"internal messages"}))
 
 
-def _show_traffic(scenarios: Sequence[Scenario], summaries: Sequence[Summary], console: Console) -> None:
+def _traffic(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Table | None:
+    """Traffic between and inside namespaces; None where there are too many pairs of them for a column each."""
     parts = [
         traffic_by_namespace(scenario.build(), summary) for scenario, summary in zip(scenarios, summaries, strict=True)
     ]
     columns = sorted({column for part in parts for column in part})
     if len(columns) > _MOST_COLUMNS:
-        _show_totals(scenarios, summaries, console)
-        return
-    table = plain_table("variant")
-    for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
+        return None
+    nothing = Totals(messages=0, deliveries=0, payload_bytes=0, cdr_bytes=0)
+    rows = []
     for scenario, part in zip(scenarios, parts, strict=True):
-        cells = [part.get(column, Totals(messages=0, deliveries=0, payload_bytes=0, cdr_bytes=0)) for column in columns]
-        table.add_row(scenario.variant or "", *(f"{cell.messages:,} / {cell.payload_bytes:,}" for cell in cells))
-    console.print(table)
+        cells = [part.get(column, nothing) for column in columns]
+        counts = (f"{cell.messages:,} / {cell.payload_bytes:,}" for cell in cells)
+        rows.append(Row((scenario.variant or "", *counts)))
+    return Table("", ("variant", *columns), tuple(rows))

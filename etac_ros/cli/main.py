@@ -27,8 +27,6 @@ app = typer.Typer(
 )
 
 BAD_INPUT, FAILED_RUN, INTERRUPTED = 2, 1, 130
-_WIDE = 168
-"""Columns of the table of reproduced figures, so that none of them is cut."""
 
 
 class Engine(StrEnum):
@@ -176,7 +174,7 @@ def reproduce(
     from etac_ros.reproduce.rows import Effort
 
     effort = Effort(runs, budget, engine.value, workers)
-    reproduce_(scenarios or (), effort, set_ or (), make_console(_WIDE), write, json)
+    reproduce_(scenarios or (), effort, set_ or (), make_console(), write, json)
 
 
 @app.command()

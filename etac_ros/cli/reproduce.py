@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
 from rich.console import Console
 from rich.status import Status
 
-from etac_ros.cli.show import plain_table
 from etac_ros.errors import EtacError, ScenarioError
 from etac_ros.reproduce.rows import Effort, Row, published_variants, rows_of
 from etac_ros.reproduce.verdict import Verdict
-from etac_ros.reproduce.write import as_json, cells, markdown, tally
+from etac_ros.reproduce.write import as_json, markdown, rows_table, tally
 from etac_ros.scenario.load import available
+from etac_ros.tables.table import Row as TableRow
+from etac_ros.tables.terminal import show
 
 _COLOURS = {
     Verdict.REPRODUCED: "green",
@@ -96,14 +98,15 @@ def _show(rows: Sequence[Row], console: Console) -> None:
     """The figures of one variant, and below them the reasons, each once."""
     distinct = dict.fromkeys(row.reason for row in rows if row.reason)
     reasons = {reason: chr(ord("a") + place) for place, reason in enumerate(distinct)}
-    table = plain_table("figure", "where")
-    for column in ("published", "measured", "5 to 95 %", "runs"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for row in rows:
-        *numbers, verdict, _ = cells(row)
-        note = f" ({reasons[row.reason]})" if row.reason else ""
-        table.add_row(*numbers, verdict + note, style=_COLOURS[row.verdict])
-    console.print(table)
-    for reason, letter in reasons.items():
-        console.print(f"  ({letter}) {reason}", soft_wrap=True)
+    table = rows_table(rows)
+    lines = tuple(
+        TableRow(
+            (*line.cells[:-2], row.verdict + (f" ({reasons[row.reason]})" if row.reason else "")),
+            style=_COLOURS[row.verdict],
+        )
+        for row, line in zip(rows, table.rows, strict=True)
+    )
+    notes = tuple(f"  ({letter}) {reason}" for reason, letter in reasons.items())
+    show(
+        replace(table, columns=table.columns[:-1], rows=lines, notes=notes, spare=frozenset({"runs", "where"})), console
+    )

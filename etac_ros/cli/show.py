@@ -1,49 +1,48 @@
-"""Tables for the terminal."""
+"""What the commands print of a run and of a bag."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
-from etac_ros.metrics.published import families, label, stands_alone
-from etac_ros.metrics.summary import PublishedValue, Summary
+from etac_ros.metrics.cells import (
+    KINDS,
+    PERFORMANCE_SHORT,
+    WATCHED,
+    is_outside,
+    paper_cells,
+    performance_cells,
+    printed,
+    topic_cells,
+    topic_type,
+    totals_of,
+    watched_cells,
+    watched_name,
+)
+from etac_ros.metrics.figures import FigureKey, families, stands_alone
+from etac_ros.metrics.summary import Summary, Totals
 from etac_ros.plain_text import one_line
 from etac_ros.scenario.load import Scenario
+from etac_ros.tables.numbers import number, optional, type_words
+from etac_ros.tables.table import Row, Table
+from etac_ros.tables.terminal import make_console, show
 
-_NARROWEST = 124
-"""Columns below which the tables would be cut."""
+__all__ = ["make_console", "show", "show_bag", "show_recovery", "show_summary"]
 
-
-def make_console(narrowest: int = _NARROWEST) -> Console:
-    """A console that leaves brackets alone and never breaks a table, also where output goes to a file."""
-    console = Console(markup=False, emoji=False)
-    console.width = max(console.width, narrowest)
-    return console
+_OUTSIDE = "! outside the band"
 
 
 def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None:
     """The tables that stand after a run."""
     variant = f", variant {summary.variant}" if summary.variant else ""
     console.print(f"\n{scenario.run.title or scenario.name}{variant}", style="bold")
-    alike = families(_shown(summary), scenario.nodes)
-    of_families = {name for members in alike.values() for name in members.values()}
-    console.print(_figures(scenario, summary, of_families))
-    console.print()
-    if alike:
-        console.print(_by_namespace(scenario, summary, alike))
-        console.print()
-    console.print(_topics(summary))
-    console.print()
-    console.print(_performance(summary))
-    console.print()
-    if summary.watches:
-        console.print(_watched(summary))
+    for table in run_tables(scenario, summary):
+        show(table, console)
         console.print()
     for name, count in summary.samples.items():
         console.print(f"{name}: {count:,} samples inside the module, which no message carries")
@@ -57,135 +56,112 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
         console.print(f"bag: {summary.bag}   (etac info, etac report)", soft_wrap=True)
 
 
-def _figures(scenario: Scenario, summary: Summary, alike: Collection[str]) -> Table:
+def run_tables(scenario: Scenario, summary: Summary) -> list[Table]:
+    """The tables of a run: its figures beside the paper's, its topics, how it pointed, what it watched."""
     source = scenario.run.published.source or "paper"
-    baseline = summary.baseline
-    table = plain_table("")
-    for column in ["this run", source, "band"] + ([f"{baseline.variant} baseline"] if baseline else []):
-        table.add_column(column, justify="right", no_wrap=True)
-    for name in _shown(summary):
-        if name in alike:
-            continue
-        measured = summary.measured.get(name)
-        figure = summary.published.get(name)
-        row = [
-            figure_label(name, summary),
-            "-" if measured is None else number(measured),
-            "" if figure is None else number(figure.value),
-            "" if figure is None else band(figure) + _mark(measured, figure),
+    shown = _shown(summary)
+    alike = families(shown)
+    of_families = {key for members in alike for key in members.values()}
+    tables = [_figures([key for key in shown if key not in of_families], source, summary, bool(alike))]
+    if alike:
+        tables.append(_by_namespace(alike, source, summary))
+    tables += [_topics(summary), _performance(summary)]
+    return tables + ([_watched(summary)] if summary.watches else [])
+
+
+def _shown(summary: Summary) -> list[FigureKey]:
+    """The figures of a table in their order: those measured, then those of the paper that the run does not have."""
+    paper, own = summary.paper, {one.key for one in summary.own}
+    broadcasts = summary.network.deliveries != summary.network.messages
+    shown = [
+        key
+        for key in summary.figures
+        if key in paper or stands_alone(key, own) or (broadcasts and key.name == "network_deliveries")
+    ]
+    return [*shown, *(key for key in paper if key not in summary.figures)]
+
+
+def _figures(keys: Sequence[FigureKey], source: str, summary: Summary, more: bool) -> Table:
+    """Figures beside the paper's; the reason why there are none of the paper's stands below the last table of them."""
+    figures, paper, baseline = summary.figures, summary.paper, summary.baseline
+    rows, outside = [], False
+    for key in keys:
+        value, figure = figures.get(key), paper.get(key)
+        published, band = paper_cells(figure)
+        marked = is_outside(value, figure)
+        outside |= marked
+        cells = [
+            "-" if value is None else number(value),
+            *([published, band + ("!" if marked else " ")] if paper else []),
         ]
         if baseline is not None:
-            beside = baseline.measured.get(name)
-            row.append("" if beside is None else number(beside))
-        table.add_row(*row)
-    return table
+            cells.append(optional(baseline.figures.get(key)))
+        rows.append(Row((summary.label_of(key), *cells)))
+    columns = ("", "this run", *((source, "band") if paper else ()))
+    if baseline is not None:
+        columns = (*columns, "baseline")
+    against = () if baseline is None else (f"baseline: {baseline.variant}",)
+    notes = against + ((_OUTSIDE,) if outside else ()) + (() if more else _reason(source, summary))
+    return Table("", columns, tuple(rows), notes)
 
 
-def _mark(measured: float | None, figure: PublishedValue) -> str:
-    return " " if measured is None or figure.low <= measured <= figure.high else "!"
+def _reason(source: str, summary: Summary) -> tuple[str, ...]:
+    return (f"no column '{source}': {summary.published_not}",) if summary.published_not else ()
 
 
-def _shown(summary: Summary) -> list[str]:
-    broadcasts = {"network_deliveries"} if summary.network.deliveries != summary.network.messages else set()
-    shown = [name for name in summary.measured if name in summary.published or name in broadcasts or stands_alone(name)]
-    return [*shown, *(name for name in summary.published if name not in summary.measured)]
-
-
-def _by_namespace(scenario: Scenario, summary: Summary, alike: Mapping[str, Mapping[str, str]]) -> Table:
+def _by_namespace(alike: Sequence[Mapping[str, FigureKey]], source: str, summary: Summary) -> Table:
     """Figures that the spacecraft of a formation have alike, a column for each."""
-    namespaces = list(dict.fromkeys(namespace for members in alike.values() for namespace in members))
-    table = plain_table(f"this run ({scenario.run.published.source or 'paper'})")
-    for namespace in namespaces:
-        table.add_column(namespace, justify="right", no_wrap=True)
-    outside = False
-    for members in alike.values():
+    figures, paper = summary.figures, summary.paper
+    namespaces = tuple(dict.fromkeys(namespace for members in alike for namespace in members))
+    rows, outside = [], False
+    for members in alike:
         cells = []
         for namespace in namespaces:
-            name = members.get(namespace, "")
-            measured, figure = summary.measured.get(name), summary.published.get(name)
-            cell = "-" if measured is None else number(measured)
-            if figure is not None:
-                met = measured is not None and figure.low <= measured <= figure.high
-                marked = measured is not None and not met
-                outside |= marked
-                limit = "≤ " if figure.low == 0.0 and figure.high == figure.value else ""
-                cell += f" ({limit}{number(figure.value)}){'!' if marked else ' '}"
-            cells.append(cell)
+            key = members.get(namespace)
+            value, figure = (None, None) if key is None else (figures.get(key), paper.get(key))
+            marked = is_outside(value, figure)
+            outside |= marked
+            cell = "-" if value is None else number(value)
+            cells.append(cell if figure is None else f"{cell} ({printed(figure)}){'!' if marked else ' '}")
         first = next(iter(members.values()))
-        own = summary.published.get(first)
-        words = own.label if own is not None and own.label else figure_label(first, summary).partition(",")[0]
-        table.add_row(words, *cells)
-    if outside:
-        table.caption = "! outside the band"
-    return table
-
-
-def figure_label(name: str, summary: Summary) -> str:
-    """What a measured or published figure is called in a table."""
-    published = summary.published.get(name)
-    own = "" if published is None else published.label
-    words = label(name, summary.triggers, own)
-    plants = [plant for plant in summary.performance if name.endswith(plant.replace("/", "_"))]
-    return f"{words}, {plants[0]}" if own and plants and len(summary.performance) > 1 else words
+        rows.append(Row((summary.label_of(first).removesuffix(f", {first.node}"), *cells)))
+    notes = ((_OUTSIDE,) if outside else ()) + _reason(source, summary)
+    return Table("", (f"this run ({source})" if paper else "this run", *namespaces), tuple(rows), notes)
 
 
 def _topics(summary: Summary) -> Table:
-    table = _topic_table()
-    for kind in ("network", "internal", "emulation"):
-        rows = {name: topic for name, topic in summary.topics.items() if topic.kind == kind}
-        if not rows:
-            continue
-        for name, topic in rows.items():
-            payload = topic.payload_bytes
-            table.add_row(*_topic_row(name, topic.type, topic.messages, payload, topic.cdr_bytes))
-        totals = getattr(summary, kind)
-        total = _topic_row(f"all {kind}", "", totals.messages, totals.payload_bytes, totals.cdr_bytes)
-        table.add_row(*total, style="bold", end_section=True)
-    return table
+    rows = []
+    for kind in KINDS:
+        topics = {name: topic for name, topic in summary.topics.items() if topic.kind == kind}
+        rows += [Row((name, topic_type(topic), *topic_cells(topic))) for name, topic in topics.items()]
+        if topics:
+            rows.append(Row((f"all {kind}", "", *topic_cells(totals_of(summary, kind))), strong=True, ends=True))
+    return _topic_table(rows)
+
+
+def _topic_table(rows: Sequence[Row], *more: str) -> Table:
+    columns = ("topic", "type", "messages", "payload", "CDR bytes", *more)
+    return Table("", columns, tuple(rows), texts=frozenset({"type"}), spare=frozenset({"type"}))
 
 
 def _performance(summary: Summary) -> Table:
-    table = plain_table("plant")
-    for column in ("error [deg]", "maximum*", "rate [deg/s]", "maximum*", "energy [N²m²s]"):
-        table.add_column(column, justify="right", no_wrap=True)
     runs = dict(summary.performance)
     if summary.baseline is not None:
-        for name, figures in summary.baseline.performance.items():
-            runs[f"{name}, {summary.baseline.variant}"] = figures
-    for name, figures in runs.items():
-        errors = figures.attitude_error_deg, figures.max_attitude_error_deg
-        pointing = (*errors, figures.rate_deg_s, figures.max_rate_deg_s)
-        table.add_row(
-            name,
-            *("" if number is None else f"{number:.3g}" for number in pointing),
-            f"{figures.energy_n2m2s:.4g}",
-        )
-    table.caption = f"* from {summary.steady_from_s:g} s on"
-    return table
+        runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
+    rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
+    note = f"error and rate at the end, * from {summary.steady_from_s:g} s on"
+    table = Table("", ("plant", *PERFORMANCE_SHORT), rows, (note,)).without_empty_columns()
+    return table if len(table.columns) > 2 else replace(table, notes=())
 
 
 def _watched(summary: Summary) -> Table:
-    table = plain_table("watched", "")
-    for column in ("largest", "at [s]"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("axis", no_wrap=True)
-    for column in ("largest*", "at the end", "notice", "limit"):
-        table.add_column(column, justify="right", no_wrap=True)
-    for node, watched in summary.watches.items():
-        for place, watch in enumerate(watched):
-            table.add_row(
-                node if place == 0 else "",
-                f"{watch.name} [{watch.unit}]" if watch.unit else watch.name,
-                f"{watch.largest:.4g}",
-                f"{watch.at_s:g}",
-                watch.axis,
-                f"{watch.steady:.3g}",
-                f"{watch.final:.3g}",
-                "" if watch.notice is None else f"{watch.notice:g}",
-                "" if watch.bound is None else f"{watch.bound:g}",
-            )
-    table.caption = f"* from {summary.steady_from_s:g} s on"
-    return table
+    rows = tuple(
+        Row((node if place == 0 else "", watched_name(watch), *watched_cells(watch)))
+        for node, watched in summary.watches.items()
+        for place, watch in enumerate(watched)
+    )
+    columns = ("watched", "quantity", *WATCHED)
+    return Table("", columns, rows, (f"* from {summary.steady_from_s:g} s on",), frozenset({"quantity", "axis"}))
 
 
 def show_bag(bag: Path, console: Console) -> None:
@@ -198,12 +174,13 @@ def show_bag(bag: Path, console: Console) -> None:
     )
     for key, value in described.metadata.items():
         console.print(f"  {one_line(key)}: {one_line(value)}")
-    table = _topic_table("kind", "first [s]", "last [s]")
+    rows = []
     for row in described.topics:
         payload = row.payload_bytes if row.kind in ("network", "internal") else 0
-        cells = _topic_row(one_line(row.topic), one_line(row.type_name), row.messages, payload, row.cdr_bytes)
-        table.add_row(*cells, row.kind, _time(row.first_s), _time(row.last_s))
-    console.print(table)
+        counted = Totals(messages=row.messages, deliveries=0, payload_bytes=payload, cdr_bytes=row.cdr_bytes)
+        more = (row.kind, optional(row.first_s, "g"), optional(row.last_s, "g"))
+        rows.append(Row((one_line(row.topic), type_words(one_line(row.type_name)), *topic_cells(counted), *more)))
+    show(_topic_table(rows, "kind", "first [s]", "last [s]"), console)
 
 
 def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
@@ -217,39 +194,3 @@ def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
         console.print(f"  {messages:8,} messages of {one_line(topic)}")
     if report.original is not None:
         console.print(f"the file as it was found is kept: {report.original}", soft_wrap=True)
-
-
-def _topic_table(*more: str) -> Table:
-    table = plain_table("topic", "type")
-    for column in ("messages", "payload", "CDR bytes"):
-        table.add_column(column, justify="right", no_wrap=True)
-    for column in more:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
-
-
-def _topic_row(name: str, type_name: str, messages: int, payload_bytes: int, cdr_bytes: int) -> tuple[str, ...]:
-    payload = f"{payload_bytes:,}" if payload_bytes else ""
-    return name, type_name.replace("/msg/", "/"), f"{messages:,}", payload, f"{cdr_bytes:,}"
-
-
-def plain_table(*columns: str) -> Table:
-    """A table that keeps its words whole, also where the terminal is narrow."""
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1))
-    for column in columns:
-        table.add_column(column, no_wrap=True)
-    return table
-
-
-def _time(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
-
-
-def number(value: float) -> str:
-    """A figure for people: whole numbers whole, others to four digits."""
-    return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.4g}"
-
-
-def band(figure: PublishedValue) -> str:
-    """The band of a published figure; empty where it has no width."""
-    return "" if figure.low == figure.high else f"{number(figure.low)} to {number(figure.high)}"

@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from etac_ros.cli.show import band, number, plain_table, show_summary
+from etac_ros.cli.show import show_summary
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.published import label
+from etac_ros.metrics.cells import paper_cells
+from etac_ros.metrics.figures import FigureKey, label
 from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import RosOptions, Run, free_bag_directory, run_over_ros
 from etac_ros.sweep.bands import Band, bands, endings, shortest_interval
@@ -24,10 +25,11 @@ from etac_ros.sweep.result import SweepResult
 from etac_ros.sweep.run import sweep_to_file, usual_workers
 from etac_ros.sweep.sample import run_sample
 from etac_ros.sweep.workers import Workers
+from etac_ros.tables.numbers import number
+from etac_ros.tables.table import Row, Table
+from etac_ros.tables.terminal import show
 
 _FOLDER = Path("sweeps")
-_NARROWEST = 160
-"""Columns below which the table would be cut."""
 _MAIN = (
     "triggers",
     "max_interval_s",
@@ -38,12 +40,7 @@ _MAIN = (
     "max_rate_deg_s",
     "energy_n2m2s",
 )
-"""Beginnings of the names of figures that are shown although nothing published stands beside them."""
-_LABELS = {
-    "attitude_error_deg": "error at the end [deg]",
-    "max_attitude_error_deg": "steady error [deg]",
-    "max_rate_deg_s": "steady rate [deg/s]",
-}
+"""Figures that are shown although nothing published stands beside them."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +164,6 @@ def _replayed_over_ros(plan: Plan, request: SweepRequest) -> Run:
 
 def show_result(result: SweepResult, console: Console) -> None:
     """The tables that stand after a sweep."""
-    console.width = max(console.width, _NARROWEST)
     described = result.description
     variant = f", variant {described['variant']}" if described["variant"] else ""
     console.print(f"\n{described['title'] or described['scenario']}{variant}: {described['runs']:,} runs", style="bold")
@@ -191,30 +187,23 @@ def show_result(result: SweepResult, console: Console) -> None:
 
 
 def _show_bands(spread: Sequence[Band], result: SweepResult, console: Console) -> None:
-    table = plain_table("")
-    for column in (
-        "runs",
-        "mean",
-        "sd",
-        "least to largest",
-        "5 to 95 %",
-        result.description["source"],
-        "band",
-        "inside",
-    ):
-        table.add_column(column, justify="right", no_wrap=True)
     shown = [one for one in spread if one.published or _is_main(one.figure)]
-    for one in sorted(shown, key=lambda one: one.published is None):
-        table.add_row(
-            _label(one, result),
-            f"{one.count:,}",
-            number(one.mean),
-            f"{one.sd:.3g}",
-            _range(one.low, one.high),
-            _range(one.p5, one.p95),
-            *(("", "", "") if one.published is None else _beside(one)),
+    rows = tuple(
+        Row(
+            (
+                _label(one),
+                f"{one.count:,}",
+                number(one.mean),
+                f"{one.sd:.3g}",
+                _range(one.low, one.high),
+                _range(one.p5, one.p95),
+                *(("", "", "") if one.published is None else _beside(one)),
+            )
         )
-    console.print(table)
+        for one in sorted(shown, key=lambda one: one.published is None)
+    )
+    columns = ("runs", "mean", "sd", "least to largest", "5 to 95 %", result.description["source"], "band", "inside")
+    show(Table("", ("", *columns), rows), console)
 
 
 def _range(low: float, high: float) -> str:
@@ -228,16 +217,16 @@ def _short(value: float) -> str:
 def _beside(one: Band) -> tuple[str, str, str]:
     assert one.published is not None
     assert one.inside is not None
-    return number(one.published.value), band(one.published), f"{100.0 * one.inside / one.count:.0f} %"
+    return (*paper_cells(one.published), f"{100.0 * one.inside / one.count:.0f} %")
 
 
 def _is_main(figure: str) -> bool:
-    return figure.startswith(_MAIN)
+    return FigureKey.parse(figure).name in _MAIN
 
 
-def _label(one: Band, result: SweepResult) -> str:
+def _label(one: Band) -> str:
     own = "" if one.published is None else one.published.label
-    return _LABELS.get(one.figure) or label(one.figure, result.description["sensors"], own)
+    return label(FigureKey.parse(one.figure), own)
 
 
 def _show_shortest(result: SweepResult, console: Console) -> None:

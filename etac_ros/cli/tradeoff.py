@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import zip_longest
+from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase
 
 from rich.console import Console
 
-from etac_ros.cli.show import plain_table
 from etac_ros.errors import ScenarioError
 from etac_ros.sweep.run import usual_workers
+from etac_ros.tables.terminal import show
 from etac_ros.tradeoff.curves import Tradeoff, run_tradeoff
 from etac_ros.tradeoff.layout import lay_out, with_tradeoffs
-from etac_ros.tradeoff.write import HEAD, ZENO_HEAD, cells, markdown, picture_name, remarks, zeno_cells
+from etac_ros.tradeoff.write import markdown, picture_name, points_table, remarks, zeno_table
 from etac_ros.tradeoff.zeno import Shortest, shortest_of, zeno_words
 
 USUAL_RUNS = 5
 _PAGE = "tradeoffs.md"
-_NARROWEST = 170
-"""Columns below which the tables would be cut."""
 
 
 def tradeoff(
@@ -75,7 +73,6 @@ def tradeoff(
 
 
 def _show(done: Tradeoff, shortest: Sequence[Shortest], console: Console) -> None:
-    console.width = max(console.width, _NARROWEST)
     scenario = done.layout.scenario
     console.print(f"\n{scenario.run.title or scenario.name}: what traffic buys", style="bold")
     console.print(f"steady error: {done.layout.error_label}")
@@ -84,41 +81,21 @@ def _show(done: Tradeoff, shortest: Sequence[Shortest], console: Console) -> Non
         console.print(words, soft_wrap=True)
     console.print(f"\nZeno check: {zeno_words(shortest, scenario.run.ticks_per_second)}", soft_wrap=True)
     if shortest:
-        _table(ZENO_HEAD, [zeno_cells(one) for one in shortest], console)
+        show(zeno_table(shortest), console)
     for remark in remarks(shortest):
         console.print(remark, soft_wrap=True)
 
 
 def _show_points(done: Tradeoff, console: Console) -> None:
-    """All points with a line between curves, and below them why some do not count, each reason once."""
-    reasons = {
-        reason: f"({letter})"
-        for letter, reason in zip(
-            ascii_lowercase, dict.fromkeys(point.failed for point in done.points if point.failed), strict=False
-        )
-    }
-    rows, ends = [], []
-    for point, following in zip_longest(done.points, done.points[1:]):
-        *numbers, reason = cells(done, point)
-        rows.append((*numbers, reasons.get(reason, reason)))
-        ends.append(following is not None and following.curve != point.curve)
-    _table((*HEAD[:-1], ""), rows, console, ends)
-    for reason, letter in reasons.items():
-        console.print(f"{letter} {reason}", soft_wrap=True)
-
-
-def _table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], console: Console, ends: Sequence[bool] | None = None
-) -> None:
-    """A table whose first two columns and last are words, with a line below the rows that end something."""
-    table = plain_table(*head[:2])
-    for column in head[2:-1]:
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column(head[-1], no_wrap=True)
-    for row, end in zip_longest(rows, ends or [], fillvalue=False):
-        assert not isinstance(row, bool)
-        table.add_row(*row, end_section=bool(end))
-    console.print(table)
+    """All points, and below them why some do not count, each reason once."""
+    distinct = dict.fromkeys(point.failed for point in done.points if point.failed)
+    reasons = {reason: f"({letter})" for letter, reason in zip(ascii_lowercase, distinct, strict=False)}
+    table = points_table(done)
+    rows = tuple(replace(row, cells=(*row.cells[:-1], reasons.get(row.cells[-1], row.cells[-1]))) for row in table.rows)
+    notes = tuple(f"{letter} {reason}" for reason, letter in reasons.items())
+    columns = (*table.columns[:-1], "not counted")
+    shown = replace(table, columns=columns, rows=rows, notes=notes, texts=frozenset({columns[1], columns[-1]}))
+    show(shown.without_empty_columns(), console)
 
 
 def _write(found: Sequence[tuple[Tradeoff, Sequence[Shortest]]], runs: int, command: str, folder: Path) -> None:

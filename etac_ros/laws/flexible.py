@@ -45,6 +45,8 @@ class FeedbackVector:
     size = 3
     label = "σ"
     unit = "rad/s"
+    interval_bound = ("flexible eq. (73)", "its bound Gamma of eq. (64)")
+    """Where the paper bounds the inter-event times, and the constant in it that has no value."""
 
     def __init__(self, parameters: FeedbackVectorParameters, ticks_per_second: int) -> None:
         self._alpha = parameters.alpha

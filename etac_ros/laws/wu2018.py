@@ -37,6 +37,8 @@ class FilteredError:
     size = 3
     label = "s"
     unit = "rad/s"
+    interval_bound = ("wu2018 eq. (36)", "the constant b of its eq. (27)")
+    """Where the paper bounds the inter-event times, and the constant in it that has no value."""
 
     def __init__(self, parameters: FilteredErrorParameters, ticks_per_second: int) -> None:
         self._beta = parameters.beta

@@ -173,6 +173,7 @@ class CoordinationError:
 
     def __init__(self, parameters: CoordinationErrorParameters, ticks_per_second: int) -> None:
         self._ticks_per_second = ticks_per_second
+        self.r = parameters.r
         self._weights = vector(parameters.weights)
         self._extrapolated = parameters.knowledge is Knowledge.EXTRAPOLATED
         self._packed = np.concatenate([vector(parameters.inertia_kg_m2), parameters.reference.packed(), [parameters.r]])

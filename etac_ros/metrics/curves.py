@@ -53,11 +53,6 @@ def dynamics(graph: Graph, plant: str) -> Plant:
     return module.plant
 
 
-def trigger_modules(graph: Graph) -> tuple[str, ...]:
-    """Names of the modules whose own acts are triggering instants."""
-    return tuple(name for name in graph.reporters if graph.modules[name].triggers)
-
-
 def last_tick(graph: Graph, recording: Recording) -> int:
     """The last tick that every plant has committed."""
     ends = []

@@ -1,8 +1,8 @@
-"""The figures of a run that stand beside published ones: what they are called, and how a recording gives them."""
+"""The figures of a run that stand beside published ones: which of them do, and how a recording gives them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -14,11 +14,14 @@ from etac_ros.graph.module import Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import energy, held_inputs, last_sent, trigger_ticks
+from etac_ros.metrics.figures import OF_SENSORS, FigureKey, key_of
 from etac_ros.modules.sensor import Sensor
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import bodies_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
+from etac_ros.scenario.load import Scenario
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
 
 ATTITUDE = "attitude error"
@@ -29,87 +32,48 @@ RATE_RAD_S = "rate in rad/s"
 SIGNAL = "signal"
 HOLD_ERROR = "hold error"
 
-_LABELS = {
-    "triggers": "triggering instants",
-    "min_interval_s": "shortest interval [s]",
-    "mean_interval_s": "mean interval [s]",
-    "steady_mean_interval_s": "mean interval, steady [s]",
-    "max_interval_s": "longest interval [s]",
-    "network_messages": "network messages",
-    "network_deliveries": "network deliveries",
-    "network_payload_bytes": "network payload [bytes]",
-    "baseline_messages": "baseline's network messages",
-    "baseline_payload_bytes": "baseline's payload [bytes]",
-    "message_reduction_percent": "fewer messages [%]",
-    "reduction_percent": "fewer bytes [%]",
-    "energy_n2m2s": "energy [N²m²s]",
-    "energy_reduction_percent": "less energy [%]",
-    "trigger_reduction_percent": "fewer triggers [%]",
-    "baseline_more_triggers": "baseline's triggers beyond these",
-    "baseline_more_energy_n2m2s": "baseline's energy beyond this [N²m²s]",
-}
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
+_BEARS_NOT = frozenset({"published", "title", "baseline", "compare", "windows", "dispersion", "tradeoff"})
+"""Keys of a scenario that change nothing of what is run."""
 
 
-_ONLY_BESIDE = (
-    "min_interval_s",
-    "mean_interval_s",
-    "steady_mean_interval_s",
-    "energy_",
-    "trigger_reduction_percent",
-    "baseline_more_",
-)
-"""Every run has them, and a table shows them where something published stands beside."""
+def stands_beside_paper(scenario: Scenario) -> str | None:
+    """Why the paper's figures do not stand beside a run of a scenario; None if they do.
 
-
-def families(names: Iterable[str], nodes: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Figures that several nodes of a formation have alike.
-
-    Parameters
-    ----------
-    names
-        Of figures. One of a node ends in its name, with ``_`` for ``/``.
-    nodes
-        Full names of nodes.
-
-    Returns
-    -------
-    dict
-        Name without the node, to namespace, to full name of the figure; only where at least two namespaces have it.
+    They belong to the scenario, or to its variant, as it stands in its file.
     """
-    ends = {node.replace("/", "_"): node.rpartition("/") for node in nodes}
-    found: dict[tuple[str, str], dict[str, str]] = {}
-    for name in names:
-        for end, (namespace, _, base) in ends.items():
-            if name.endswith(end):
-                found.setdefault((name.removesuffix(end), base), {})[namespace] = name
-    return {stem: members for (stem, _), members in found.items() if len(members) > 1}
+    changed = [key for key in scenario.overrides if key.partition(".")[0] not in _BEARS_NOT]
+    if not changed:
+        return None
+    return f"the published figures belong to the scenario as it stands in its file; here {_listed(changed)} changed"
 
 
-def stands_alone(figure: str) -> bool:
-    """Whether a table shows a figure although nothing published stands beside it."""
-    return not figure.startswith(_ONLY_BESIDE) and figure != "network_deliveries"
+def _listed(names: Sequence[str]) -> str:
+    return f"{names[0]} is" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} are"
 
 
-def label(name: str, sensors: Iterable[str], own: str = "") -> str:
-    """What a figure is called in a table.
+def published_figures(scenario: Scenario, graph: Graph) -> dict[FigureKey, PublishedFigure]:
+    """The paper's figures of a scenario by what they stand beside; those of nodes that are not there are left out."""
+    found = {}
+    for name, figure in scenario.published.items():
+        node = _whose(figure)
+        if node is None or node in graph.modules:
+            found[_key(name, figure, graph)] = figure
+    return found
 
-    Parameters
-    ----------
-    name
-        Of the figure.
-    sensors
-        Full names of the modules that trigger: a figure of one of several ends in its name.
-    own
-        What the scenario calls it; empty where it has no words of its own.
-    """
-    if own:
-        return own
-    for sensor in sensors:
-        suffix = sensor.replace("/", "_")
-        if name.endswith(suffix) and name.removesuffix(suffix) in _LABELS:
-            return f"{_LABELS[name.removesuffix(suffix)]}, {sensor}"
-    return _LABELS.get(name, name.replace("_", " "))
+
+def _key(name: str, figure: PublishedFigure, graph: Graph) -> FigureKey:
+    node = _whose(figure)
+    return key_of(figure.figure or name, node, _alike(graph, node))
+
+
+def _whose(figure: PublishedFigure) -> str | None:
+    return figure.node if figure.node is not None or figure.measure is None else figure.measure.node
+
+
+def _alike(graph: Graph, node: str | None) -> tuple[str, ...]:
+    """All nodes that have what this one has: the plants, or the modules that trigger."""
+    return graph.plants if node in graph.plants else triggering_modules(graph)
 
 
 def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[int, tuple[Watch, ...]]:
@@ -202,42 +166,67 @@ def _in_degrees(angles: Callable[[FloatArray], FloatArray], states: FloatArray) 
     return np.degrees(angles(states))
 
 
-def check(figures: Mapping[str, PublishedFigure], graph: Graph, file: str) -> None:
-    """Refuse a figure that no run of this graph could give.
+def check(scenario: Scenario, graph: Graph) -> None:
+    """Refuse published figures that no run of this scenario could give; pass over those that do not stand beside it.
 
     Raises
     ------
     ScenarioError
         Naming the figure and what there is.
     """
+    unchanged = stands_beside_paper(scenario) is None
+    beside: dict[FigureKey, str] = {}
+    for name, figure in scenario.published.items():
+        where = f"{scenario.path}: published.{name}"
+        key = _key(name, figure, graph)
+        if beside.setdefault(key, name) != name:
+            raise ScenarioError(
+                where, f"stands beside the figure '{key}', as {beside[key]} does", "one figure of the paper for each"
+            )
+        if unchanged:
+            _check_node(figure, name, graph, where)
+        node = _whose(figure)
+        if figure.measure is not None and (node is None or node in graph.modules):
+            check_measure(figure.measure, graph, f"{where}.measure")
+
+
+def _check_node(figure: PublishedFigure, name: str, graph: Graph, where: str) -> None:
+    node = _whose(figure)
+    if node is not None and node not in graph.modules:
+        raise ScenarioError(f"{where}.node", f"found '{node}'", choice(node, graph.modules))
+    if node is None and (figure.figure or name) in OF_SENSORS and len(triggering_modules(graph)) > 1:
+        raise ScenarioError(f"{where}.node", "is missing", f"one of: {', '.join(triggering_modules(graph))}")
+
+
+def check_measure(wanted: Measure, graph: Graph, where: str) -> None:
+    """Refuse what cannot be measured in any run of a graph.
+
+    Raises
+    ------
+    ScenarioError
+        Naming what there is.
+    """
+    node = _node(wanted, graph, where)
+    if wanted.statistic in _OF_TRIGGERS or wanted.statistic is Statistic.ENERGY:
+        return
     empty = Recording(
         messages={name: [] for name in graph.links},
         truth={name: [(0, graph.modules[name].state[np.newaxis])] for name in graph.plants},  # type: ignore[attr-defined]
     )
-    for name, figure in figures.items():
-        if figure.measure is None:
-            continue
-        where = f"{file}: published.{name}.measure"
-        node = _node(figure.measure, graph, where)
-        if figure.measure.statistic in _OF_TRIGGERS or figure.measure.statistic is Statistic.ENERGY:
-            continue
-        _, watches = watches_of_module(graph, empty, node)
-        known = [*(watch.name for watch in watches), *_of_plant(graph, empty, node)]
-        known += [SIGNAL, HOLD_ERROR] if isinstance(graph.modules[node], Sensor) else []
-        if figure.measure.quantity not in known:
-            raise ScenarioError(
-                f"{where}.quantity", f"found '{figure.measure.quantity}'", f"one of: {', '.join(known)}"
-            )
+    _, watches = watches_of_module(graph, empty, node)
+    known = [*(watch.name for watch in watches), *_of_plant(graph, empty, node)]
+    known += [SIGNAL, HOLD_ERROR] if isinstance(graph.modules[node], Sensor) else []
+    if wanted.quantity not in known:
+        raise ScenarioError(f"{where}.quantity", f"found '{wanted.quantity}'", f"one of: {', '.join(known)}")
 
 
 def _node(measure: Measure, graph: Graph, where: str) -> str:
-    triggering = tuple(name for name in graph.reporters if graph.modules[name].triggers)
-    candidates = triggering if measure.statistic in _OF_TRIGGERS else tuple(graph.modules)
+    candidates = triggering_modules(graph) if measure.statistic in _OF_TRIGGERS else tuple(graph.modules)
     if measure.node is not None:
         if measure.node not in candidates:
             raise ScenarioError(f"{where}.node", f"found '{measure.node}'", choice(measure.node, candidates))
         return measure.node
-    usual = triggering if measure.statistic in _OF_TRIGGERS else graph.plants
+    usual = triggering_modules(graph) if measure.statistic in _OF_TRIGGERS else graph.plants
     if len(usual) != 1:
         raise ScenarioError(f"{where}.node", "is missing", f"one of: {', '.join(usual)}")
     return usual[0]

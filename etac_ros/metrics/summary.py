@@ -17,9 +17,11 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.published import measure, watches_of_module
+from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
+from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, watches_of_module
 from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.load import Scenario
+from etac_ros.scenario.schema import PublishedFigure
 
 Kind = Literal["network", "internal", "emulation"]
 _LAST_PART = 0.4
@@ -93,20 +95,46 @@ class Timing(_Model):
     total_s: float = Field(description="start to summary")
 
 
-class PublishedValue(_Model):
+class _Figure(_Model):
+    figure: str = Field(description="which figure")
+    node: str | None = Field(description="whose; null for the whole run, the only sensor or the only plant")
+    value: float
+
+    @property
+    def key(self) -> FigureKey:
+        """What identifies it."""
+        return FigureKey(self.figure, self.node)
+
+
+class MeasuredValue(_Figure):
+    """A figure of the run."""
+
+    label: str = Field(default="", description="what the scenario calls it, where its name does not say it")
+
+
+class PublishedValue(_Figure):
     """A figure of the paper."""
 
-    value: float
     low: float
     high: float
     label: str = Field(description="what it is called, where its name does not say it")
     where: str = Field(description="where the paper prints it")
     reason: str = Field(description="why it is not reproduced, where it is not")
 
+    @property
+    def is_limit(self) -> bool:
+        """Whether it is a limit that the paper says is kept."""
+        return self.low == 0.0 and self.high == self.value
+
+    def contains(self, measured: float) -> bool:
+        """Whether a figure lies inside the band."""
+        return self.low <= measured <= self.high
+
 
 class Summary(_Model):
     """The summary of one run."""
 
+    format: Literal[2] = Field(default=2, description="of this summary; 2 lists figures by name and node")
     scenario: str
     variant: str | None
     engine: Literal["ros", "inprocess"]
@@ -127,10 +155,30 @@ class Summary(_Model):
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
     bag: str | None
-    published: dict[str, PublishedValue]
-    own: dict[str, float] = Field(description="figures that only this scenario defines")
-    measured: dict[str, float] = Field(description="all figures that may stand beside published ones")
+    published: list[PublishedValue] = Field(description="the paper's figures, where they stand beside this run")
+    published_not: str = Field(description="why none of the paper's figures stand beside this run; empty if they do")
+    own: list[MeasuredValue] = Field(description="figures that only this scenario defines")
+    measured: list[MeasuredValue] = Field(description="all figures that may stand beside published ones")
     baseline: Summary | None = Field(default=None, description="the same of the baseline, where it was run")
+
+    @property
+    def figures(self) -> dict[FigureKey, float]:
+        """All measured figures."""
+        return {one.key: one.value for one in self.measured}
+
+    @property
+    def paper(self) -> dict[FigureKey, PublishedValue]:
+        """The paper's figures."""
+        return {one.key: one for one in self.published}
+
+    def label_of(self, key: FigureKey) -> str:
+        """What a figure is called in a table, in the scenario's words where it has some."""
+        words = {one.key: one.label for one in self.own} | {one.key: one.label for one in self.published}
+        return label(key, words.get(key, ""))
+
+    def value(self, figure: str, node: str | None = None) -> float | None:
+        """A measured figure; None where the run does not have it."""
+        return self.figures.get(FigureKey(figure, node))
 
 
 def summary_schema() -> str:
@@ -174,6 +222,7 @@ def summarise(
                 kind="emulation", type=kind, messages=messages, deliveries=messages, payload_bytes=0, cdr_bytes=size,
                 first_s=None, last_s=None,
             )  # fmt: skip
+    published, reason = published_figures(scenario, graph), stands_beside_paper(scenario) or ""
     from_s = steady_from_s(scenario)
     steady = round(from_s * graph.ticks_per_second)
     summary = Summary(
@@ -197,64 +246,92 @@ def summarise(
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         bag=bag,
-        published={
-            name: PublishedValue(**figure.model_dump(exclude={"measure"}))
-            for name, figure in scenario.published.items()
-        },
-        own=_own_figures(scenario, graph, recording),
-        measured={},
+        published=[] if reason else [published_value(*item) for item in published.items()],
+        published_not=reason if published else "",
+        own=_own_figures(published, graph, recording),
+        measured=[],
     )
     return with_measured(summary, None)
 
 
-def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
-    """The summary with the figures that stand beside the paper's, and with its baseline.
+def published_value(key: FigureKey, figure: PublishedFigure) -> PublishedValue:
+    """A figure of the paper as the summary holds it."""
+    kept = figure.model_dump(exclude={"measure", "figure", "node"})
+    return PublishedValue(figure=key.name, node=key.node, **kept)
 
-    A figure of one sensor bears its name: ``triggers_pm_relative_sensor``; where there is one sensor only, it is
-    ``triggers`` and ``max_interval_s``.
-    """
-    measured = {}
+
+def with_measured(summary: Summary, baseline: Summary | None) -> Summary:
+    """The summary with the figures that stand beside the paper's, and with its baseline."""
+    found: dict[FigureKey, float] = {}
     for name, triggers in summary.triggers.items():
-        suffix = "" if len(summary.triggers) == 1 else name.replace("/", "_")
-        measured[f"triggers{suffix}"] = float(triggers.count)
-        for figure in ("min_interval_s", "mean_interval_s", "steady_mean_interval_s", "max_interval_s"):
+        found[key_of("triggers", name, summary.triggers)] = float(triggers.count)
+        for figure in INTERVALS:
             value = getattr(triggers, figure)
             if value is not None:
-                measured[f"{figure}{suffix}"] = value
-    measured.update(summary.own)
-    energy_used = sum(figures.energy_n2m2s for figures in summary.performance.values())
-    measured["energy_n2m2s"] = energy_used
-    measured["network_messages"] = float(summary.network.messages)
-    measured["network_deliveries"] = float(summary.network.deliveries)
-    measured["network_payload_bytes"] = float(summary.network.payload_bytes)
+                found[key_of(figure, name, summary.triggers)] = value
+    found.update({one.key: one.value for one in summary.own})
+    found[FigureKey("energy_n2m2s")] = _energy(summary)
+    found[FigureKey("network_messages")] = float(summary.network.messages)
+    found[FigureKey("network_deliveries")] = float(summary.network.deliveries)
+    found[FigureKey("network_payload_bytes")] = float(summary.network.payload_bytes)
     if baseline is not None:
-        measured["baseline_messages"] = float(baseline.network.messages)
-        measured["baseline_payload_bytes"] = float(baseline.network.payload_bytes)
-        if baseline.network.messages:
-            measured["message_reduction_percent"] = 100.0 * (1.0 - summary.network.messages / baseline.network.messages)
-        if baseline.network.payload_bytes:
-            ratio = summary.network.payload_bytes / baseline.network.payload_bytes
-            measured["reduction_percent"] = 100.0 * (1.0 - ratio)
-        measured.update(_against(summary, energy_used, baseline))
+        found.update(_against(summary, baseline))
+    measured = [MeasuredValue(figure=key.name, node=key.node, value=value) for key, value in found.items()]
     return summary.model_copy(update={"measured": measured, "baseline": baseline})
 
 
-def _against(summary: Summary, energy_used: float, baseline: Summary) -> dict[str, float]:
-    """What a baseline needs more, in triggering instants and energy."""
-    found = {}
+def _against(summary: Summary, baseline: Summary) -> dict[FigureKey, float]:
+    """What a baseline needs more, in messages, bytes, triggering instants and energy."""
+    found = {
+        "baseline_messages": float(baseline.network.messages),
+        "baseline_payload_bytes": float(baseline.network.payload_bytes),
+        **_less("message_reduction_percent", summary.network.messages, baseline.network.messages),
+        **_less("reduction_percent", summary.network.payload_bytes, baseline.network.payload_bytes),
+    }
+    sizes = _content_sizes(summary, baseline)
+    own, other = _payload_of(summary, sizes), _payload_of(baseline, sizes)
+    if own != summary.network.payload_bytes or other != baseline.network.payload_bytes:
+        found |= _less("equal_content_reduction_percent", own, other)
     if len(summary.triggers) == len(baseline.triggers) == 1:
-        (own,), (other,) = summary.triggers.values(), baseline.triggers.values()
-        found["baseline_more_triggers"] = float(other.count - own.count)
+        (mine,), (its,) = summary.triggers.values(), baseline.triggers.values()
+        found["baseline_more_triggers"] = float(its.count - mine.count)
+    found["baseline_more_energy_n2m2s"] = _energy(baseline) - _energy(summary)
+    found |= _less("energy_reduction_percent", _energy(summary), _energy(baseline))
+    keys = {FigureKey(name): value for name, value in found.items()}
     for name, triggers in summary.triggers.items():
-        of_baseline = baseline.triggers.get(name)
-        if of_baseline is not None and of_baseline.count:
-            suffix = "" if len(summary.triggers) == 1 else name.replace("/", "_")
-            found[f"trigger_reduction_percent{suffix}"] = 100.0 * (1.0 - triggers.count / of_baseline.count)
-    energy_of_baseline = sum(figures.energy_n2m2s for figures in baseline.performance.values())
-    found["baseline_more_energy_n2m2s"] = energy_of_baseline - energy_used
-    if energy_of_baseline > 0.0:
-        found["energy_reduction_percent"] = 100.0 * (1.0 - energy_used / energy_of_baseline)
-    return found
+        if name in baseline.triggers:
+            less = _less("trigger_reduction_percent", triggers.count, baseline.triggers[name].count)
+            keys |= {key_of(figure, name, summary.triggers): value for figure, value in less.items()}
+    return keys
+
+
+def _less(name: str, own: float, other: float) -> dict[str, float]:
+    """By how much less [%] of something there is than at the baseline; nothing where that has none."""
+    return {name: 100.0 * (1.0 - own / other)} if other > 0.0 else {}
+
+
+def _content_sizes(summary: Summary, baseline: Summary) -> dict[str, float]:
+    """Payload of one message of each network topic, that of the run where both have it [bytes].
+
+    A baseline may send something larger over the same link, the measurement instead of a torque: the bytes saved by
+    that are not saved by sending more seldom.
+    """
+    return {
+        name: topic.payload_bytes / topic.messages
+        for of_one in (baseline, summary)
+        for name, topic in of_one.topics.items()
+        if topic.kind == "network" and topic.messages
+    }
+
+
+def _payload_of(summary: Summary, sizes: Mapping[str, float]) -> float:
+    """What the network would have carried with messages of these sizes [bytes]."""
+    return sum(sizes[name] * topic.messages for name, topic in summary.topics.items() if topic.kind == "network"
+               and topic.messages)  # fmt: skip
+
+
+def _energy(summary: Summary) -> float:
+    return sum(figures.energy_n2m2s for figures in summary.performance.values())
 
 
 def traffic_by_namespace(graph: Graph, summary: Summary) -> dict[str, Totals]:
@@ -285,12 +362,14 @@ def steady_from_s(scenario: Scenario) -> float:
     return (1.0 - _LAST_PART) * scenario.run.duration_s if said is None else said
 
 
-def _own_figures(scenario: Scenario, graph: Graph, recording: Recording) -> dict[str, float]:
-    found = {}
-    for name, figure in scenario.published.items():
+def _own_figures(
+    published: Mapping[FigureKey, PublishedFigure], graph: Graph, recording: Recording
+) -> list[MeasuredValue]:
+    found = []
+    for key, figure in published.items():
         value = None if figure.measure is None else measure(figure.measure, graph, recording)
         if value is not None:
-            found[name] = value
+            found.append(MeasuredValue(figure=key.name, node=key.node, value=value, label=figure.label))
     return found
 
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
+from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrivals, Window
 from etac_ros.parameters import FloatArray
+from etac_ros.triggers.periodic import Periodic
 from etac_ros.triggers.rule import AnyRule
 
 Heard = Mapping[int, Arrivals]
@@ -52,3 +54,14 @@ class Triggering(Protocol):
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
         """What the trigger rule compares with after a message that was sent at a tick."""
         ...
+
+
+def triggering_modules(graph: Graph) -> tuple[str, ...]:
+    """Names of the modules whose own acts are triggering instants."""
+    return tuple(name for name in graph.reporters if graph.modules[name].triggers)
+
+
+def event_triggered_modules(graph: Graph) -> tuple[str, ...]:
+    """Those of them that are triggered by events: a rule decides, and it goes by more than the time."""
+    rules = {name: getattr(graph.modules[name], "trigger", None) for name in triggering_modules(graph)}
+    return tuple(name for name, rule in rules.items() if rule is not None and not isinstance(rule, Periodic))

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from html import escape
 
 from etac_ros import __version__
+from etac_ros.metrics.figures import FigureKey
 from etac_ros.plain_text import one_line
 from etac_ros.report import tables
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Rendered
 from etac_ros.report.stylesheet import STYLESHEET
-from etac_ros.report.tables import Table
 from etac_ros.report.view import View
+from etac_ros.tables.html import html_section, line
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ def page(view: View, drawn: list[Drawn]) -> str:
     title = run.scenario.run.title or run.scenario.name
     parts = [
         "<header>",
-        f'<p class="kicker">{_line(_kicker(view))}</p>',
-        f"<h1>{_line(title)}</h1>",
-        f'<p class="lead">{_line(lead(view))}</p>',
+        f'<p class="kicker">{line(_kicker(view))}</p>',
+        f"<h1>{line(title)}</h1>",
+        f'<p class="lead">{line(lead(view))}</p>',
         "</header>",
-        *(f'<p class="remark">{_line(remark)}</p>' for remark in tables.remarks(view)),
+        *(f'<p class="remark">{line(remark)}</p>' for remark in tables.remarks(view)),
         _tiles(view),
     ]
     overview = [figure for figure in drawn if figure.kind.name == "overview"]
@@ -50,7 +51,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.identity_table(view),
     ):
         if table is not None:
-            parts.append(_table(table))
+            parts.append(html_section(table))
     parts.append("<h2>Figures</h2>")
     parts += [_figure(view, figure, numbers[figure.kind.name]) for figure in others]
     parts.append(
@@ -65,7 +66,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
             '<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
-            f"<title>{_line(title)}</title>",
+            f"<title>{line(title)}</title>",
             f"<style>\n{STYLESHEET}\n</style>",
             "</head>",
             "<body>",
@@ -118,53 +119,16 @@ def _tiles(view: View) -> str:
         (f"{summary.network.messages:,}", "network messages"),
         (f"{summary.network.payload_bytes:,} B", "network payload"),
     ]
-    if "reduction_percent" in here:
+    less = here.get(FigureKey("reduction_percent"))
+    if less is not None:
         against = "measured" if view.baseline is not None else "published"
-        less = here["reduction_percent"]
-        words = f"{'less' if less >= 0.0 else 'more'} than the {against} baseline"
+        words = f"bytes {'less' if less >= 0.0 else 'more'}, as sent, than the {against} baseline"
         tiles.append((f"{abs(less):.1f} %", words))
-    if "max_interval_s" in here:
-        tiles.append((f"{here['max_interval_s']:.4g} s", "longest interval"))
-    cells = [f'<div class="tile"><b>{_line(value)}</b><span>{_line(name)}</span></div>' for value, name in tiles]
+    longest = here.get(FigureKey("max_interval_s"))
+    if longest is not None:
+        tiles.append((f"{longest:.4g} s", "longest interval"))
+    cells = [f'<div class="tile"><b>{line(value)}</b><span>{line(name)}</span></div>' for value, name in tiles]
     return "\n".join(['<div class="tiles">', *cells, "</div>"])
-
-
-def _table(table: Table) -> str:
-    texts = [place == 0 or heading in table.texts for place, heading in enumerate(table.columns)]
-    wide = table.texts and len(table.texts) == len(table.columns) - 1
-    head = "".join(
-        f'<th scope="col"{_class(text)}>{_line(heading)}</th>'
-        for heading, text in zip(table.columns, texts, strict=True)
-    )
-    lines = []
-    for row in table.rows:
-        first, *cells = row.cells
-        body = f'<th scope="row" class="text">{_line(first)}</th>'
-        for cell, text in zip(cells, texts[1:], strict=True):
-            body += f"<td{_class(text, bool(wide))}>{_line(cell)}</td>"
-        lines.append(f'<tr class="strong">{body}</tr>' if row.strong else f"<tr>{body}</tr>")
-    return "\n".join(
-        [
-            "<section>",
-            f"<h2>{_line(table.title)}</h2>",
-            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(table.title)}">',
-            f"<table><thead>{_groups(table)}<tr>{head}</tr></thead>",
-            "<tbody>",
-            *lines,
-            "</tbody></table>",
-            "</div>",
-            *(f'<p class="note">{_line(note)}</p>' for note in table.notes),
-            "</section>",
-        ]
-    )
-
-
-def _groups(table: Table) -> str:
-    cells = [
-        f'<th scope="colgroup" colspan="{span}">{_line(heading)}</th>' if heading else f'<td colspan="{span}"></td>'
-        for heading, span in table.groups
-    ]
-    return f'<tr class="groups">{"".join(cells)}</tr>' if cells else ""
 
 
 def _figure(view: View, figure: Drawn, number: int) -> str:
@@ -183,7 +147,7 @@ def _figure(view: View, figure: Drawn, number: int) -> str:
             f'alt="{escape(one_line(f"{kind.title}. {caption}"))}">',
             "</picture>",
             "</div>",
-            f"<figcaption><b>Figure {number}. {_line(kind.title)}.</b> {_line(caption + shown)}</figcaption>",
+            f"<figcaption><b>Figure {number}. {line(kind.title)}.</b> {line(caption + shown)}</figcaption>",
             "</figure>",
         ]
     )
@@ -191,12 +155,3 @@ def _figure(view: View, figure: Drawn, number: int) -> str:
 
 def _data(png: bytes) -> str:
     return f"data:image/png;base64,{b64encode(png).decode()}"
-
-
-def _line(text: str) -> str:
-    return escape(one_line(text), quote=False)
-
-
-def _class(text: bool, wide: bool = False) -> str:
-    names = [name for name, wanted in (("text", text), ("wide", wide)) if wanted]
-    return f' class="{" ".join(names)}"' if names else ""

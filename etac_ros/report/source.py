@@ -20,8 +20,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve, energy, held_inputs, last_tick
-from etac_ros.metrics.published import check as check_figures
-from etac_ros.metrics.published import watches_of_module
+from etac_ros.metrics.published import check_measure, watches_of_module
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.watch import Watch
@@ -52,8 +51,6 @@ class ReportedRun:
         Counts, triggers and performance. What a bag cannot know (wall time, memory) is zero or empty.
     metadata
         What the bag says of its run.
-    overrides
-        What ``--set`` changed.
     kinds_of_plants
         Class of the dynamics of each plant.
     left_out
@@ -65,9 +62,13 @@ class ReportedRun:
     recording: Recording
     summary: Summary
     metadata: dict[str, str]
-    overrides: dict[str, Any]
     kinds_of_plants: dict[str, str]
     left_out: str = ""
+
+    @property
+    def overrides(self) -> dict[str, Any]:
+        """What ``--set`` changed."""
+        return dict(self.scenario.overrides)
 
     @property
     def is_baseline(self) -> bool:
@@ -148,7 +149,7 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         )
     else:
         kinds = {plant: str(scenario.nodes[plant]["dynamics"]["class"]) for plant in graph.plants}
-    scenario = _with_figures_that_can_be_had(scenario, graph)
+    scenario = replace(_with_figures_that_can_be_had(scenario, graph), overrides=_overrides(bag, found))
     check_fit(bag, found, graph, recording)
     engine = found.metadata.get("engine", "")
     summary = summarise(
@@ -164,7 +165,7 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
     )
-    return ReportedRun(scenario, graph, recording, summary, found.metadata, _overrides(bag, found), kinds, left_out)
+    return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
 
 
 def read_other(bag: Path, run: ReportedRun, trust: bool = False) -> ReportedRun:
@@ -269,7 +270,8 @@ def _with_figures_that_can_be_had(scenario: Scenario, graph: Graph) -> Scenario:
     kept = {}
     for name, figure in scenario.published.items():
         try:
-            check_figures({name: figure}, graph, name)
+            if figure.measure is not None:
+                check_measure(figure.measure, graph, name)
         except ScenarioError:
             continue
         kept[name] = figure

@@ -1,75 +1,44 @@
-"""The tables of a report as rows of text; how they look is the page's business."""
+"""The tables of a report."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
-from etac_ros.metrics.published import label, stands_alone
-from etac_ros.metrics.summary import Summary, Topic, Totals, with_measured
+from etac_ros.metrics.cells import (
+    KINDS,
+    PERFORMANCE,
+    WATCHED,
+    is_outside,
+    paper_cells,
+    performance_cells,
+    topic_type,
+    totals_of,
+    watched_cells,
+    watched_name,
+)
+from etac_ros.metrics.figures import FigureKey, stands_alone
+from etac_ros.metrics.summary import PublishedValue, Topic, Totals, with_measured
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
-from etac_ros.scenario.schema import PublishedFigure
+from etac_ros.tables.numbers import optional
+from etac_ros.tables.table import Row, Table
 
 _Cells = dict[str, tuple[str, ...]]
 """Cells of one run by what stands at the head of their row."""
-_KINDS = ("network", "internal", "emulation")
-_AT_BASELINE = ("baseline_messages", "baseline_payload_bytes")
+_REDUCTION = FigureKey("reduction_percent")
+_BASELINE_BYTES = FigureKey("baseline_payload_bytes")
+_AT_BASELINE = (FigureKey("baseline_messages"), _BASELINE_BYTES)
 """What is measured at the baseline, and stands in its column."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One line of a table.
-
-    Attributes
-    ----------
-    cells
-        As many as the table has columns.
-    strong
-        Whether it is a total.
-    """
-
-    cells: tuple[str, ...]
-    strong: bool = False
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table.
-
-    Attributes
-    ----------
-    title
-        Heads its section.
-    columns
-        Headings; the first column is text, all others are numbers unless they are named in ``texts``.
-    rows
-        Its lines.
-    notes
-        Sentences below it.
-    texts
-        Headings of further columns of text.
-    groups
-        Headings above the headings, each with the number of columns that it spans.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    notes: tuple[str, ...] = ()
-    texts: frozenset[str] = frozenset()
-    groups: tuple[tuple[str, int], ...] = ()
-
-
-def measured(view: View) -> dict[str, float]:
-    """The figures that stand beside the published ones, by their names."""
+def measured(view: View) -> dict[FigureKey, float]:
+    """The figures that stand beside the published ones."""
     baseline = view.baseline
-    found = with_measured(view.run.summary, None if baseline is None else baseline.summary).measured
+    found = with_measured(view.run.summary, None if baseline is None else baseline.summary).figures
     if baseline is None and view.paper_baseline is not None and view.paper_baseline.value > 0.0:
         ratio = view.run.summary.network.payload_bytes / view.paper_baseline.value
-        found = {**found, "reduction_percent": 100.0 * (1.0 - ratio)}
+        found = {**found, _REDUCTION: 100.0 * (1.0 - ratio)}
     return found
 
 
@@ -96,48 +65,46 @@ def identity_table(view: View) -> Table:
 
 
 def published_table(view: View) -> Table | None:
-    """Figures of this run beside those of the paper; None if there is nothing of the paper to show."""
-    here, paper = measured(view), view.run.scenario.published
-    if not paper:
+    """Figures of this run beside those of the paper; None where the paper publishes nothing of it.
+
+    Where the run is not the paper's, its figures stand without the paper's, with the reason.
+    """
+    summary = view.run.summary
+    here, paper = measured(view), summary.paper
+    if not paper and not summary.published_not:
         return None
-    names = [name for name in here if name in paper or (stands_alone(name) and name not in _AT_BASELINE)]
-    names += [name for name in paper if name not in here]
+    own = {one.key for one in summary.own}
+    keys = [key for key in here if key in paper or (stands_alone(key, own) and key not in _AT_BASELINE)]
+    keys += [key for key in paper if key not in here]
+    if not paper:
+        keys += [key for key in _AT_BASELINE if key in here]
     rows = []
-    for name in names:
-        figure, value = paper.get(name), here.get(name)
-        of_baseline = view.baseline is not None and name in _AT_BASELINE
-        cells = [
-            label(name, view.run.summary.triggers, "" if figure is None else figure.label),
-            "" if value is None or of_baseline else _number(value),
-            "" if figure is None else _number(figure.value),
-            _band(figure),
-            _verdict(value, figure),
-        ]
-        for other in view.others:
-            beside = _beside(view, other).get(name)
-            cells.append("" if beside is None else _number(beside))
+    for key in keys:
+        figure, value = paper.get(key), here.get(key)
+        of_baseline = view.baseline is not None and key in _AT_BASELINE
+        cells = [summary.label_of(key), "" if of_baseline else optional(value)]
+        if paper:
+            cells += [*paper_cells(figure), _verdict(value, figure)]
+        cells += [optional(_beside(view, other).get(key)) for other in view.others]
         rows.append(Row(tuple(cells)))
-    return Table(
-        "Beside the published figures",
-        ("", view.labels[0], view.source, "band", "in the band", *view.labels[1:]),
-        tuple(rows),
-        _published_notes(view),
-    )
+    beside = (view.source, "band", "in the band") if paper else ()
+    title = "Beside the published figures" if paper else "Figures"
+    return Table(title, ("", view.labels[0], *beside, *view.labels[1:]), tuple(rows), _published_notes(view))
 
 
 def traffic_table(view: View) -> Table:
     """What each topic carried, kinds apart."""
     runs = [run.summary for run in view.runs]
     rows = []
-    for kind in _KINDS:
+    for kind in KINDS:
         names = list(dict.fromkeys(name for run in runs for name, topic in run.topics.items() if topic.kind == kind))
         if not names:
             continue
         for name in names:
             topics = [run.topics.get(name) for run in runs]
             of = next(topic for topic in topics if topic is not None)
-            rows.append(Row((name, *_counts(topics), of.type.replace("/msg/", "/"))))
-        rows.append(Row((f"all {kind}", *_counts([_totals(run, kind) for run in runs]), ""), strong=True))
+            rows.append(Row((name, *_counts(topics), topic_type(of))))
+        rows.append(Row((f"all {kind}", *_counts([totals_of(run, kind) for run in runs]), ""), strong=True))
     columns = ("messages", "payload [bytes]", "CDR [bytes]")
     headings = (*columns, *(columns[:2] * len(view.others)))
     groups: tuple[tuple[str, int], ...] = ()
@@ -162,8 +129,8 @@ def trigger_table(view: View) -> Table | None:
     """Triggering instants of each sensor; None if no module triggers."""
     found: list[_Cells] = [
         {
-            name: (f"{triggers.count:,}", _span(triggers.min_interval_s), _span(triggers.mean_interval_s),
-                   _span(triggers.max_interval_s))
+            name: (f"{triggers.count:,}", _interval(triggers.min_interval_s), _interval(triggers.mean_interval_s),
+                   _interval(triggers.max_interval_s))
             for name, triggers in run.summary.triggers.items()
         }
         for run in view.runs
@@ -174,53 +141,25 @@ def trigger_table(view: View) -> Table | None:
 
 def performance_table(view: View) -> Table:
     """How well each plant pointed, and at what cost."""
-    found: list[_Cells] = []
-    for run in view.runs:
-        of_run: _Cells = {}
-        for name, figures in run.summary.performance.items():
-            numbers = (
-                figures.attitude_error_deg,
-                figures.max_attitude_error_deg,
-                figures.rate_deg_s,
-                figures.max_rate_deg_s,
-            )
-            of_run[name] = (
-                *("" if number is None else f"{number:.3g}" for number in numbers),
-                f"{figures.energy_n2m2s:.4g}",
-            )
-        found.append(of_run)
-    columns = (
-        "error at the end [deg]",
-        "largest* [deg]",
-        "rate at the end [deg/s]",
-        "largest* [deg/s]",
-        "energy [N²m²s]",
-    )
-    note = f"{_steady_note(view)} Energy: integral of the square of the held torque."
-    return _of_runs("Pointing", "plant", columns, view, found, (note,))
+    found: list[_Cells] = [
+        {name: performance_cells(figures) for name, figures in run.summary.performance.items()} for run in view.runs
+    ]
+    note = f"{_steady_note(view)} Error and rate: at the end. Energy: integral of the square of the held torque."
+    return _of_runs("Pointing", "plant", PERFORMANCE, view, found, (note,)).without_empty_columns()
 
 
 def watched_table(view: View) -> Table | None:
     """Extremes of the watched quantities; None if nothing is watched."""
     found: list[_Cells] = [
         {
-            f"{node}, {symbols(watch.name)}{_bracketed(watch.unit)}": (
-                f"{watch.largest:.4g}",
-                f"{watch.at_s:g}",
-                watch.axis,
-                f"{watch.steady:.3g}",
-                f"{watch.final:.3g}",
-                "" if watch.notice is None else f"{watch.notice:g}",
-                "" if watch.bound is None else f"{watch.bound:g}",
-            )
+            f"{node}, {symbols(watched_name(watch))}": watched_cells(watch)
             for node, watches in run.summary.watches.items()
             for watch in watches
         }
         for run in view.runs
     ]
-    columns = ("largest", "at [s]", "axis", "largest*", "at the end", "notice", "limit")
     notes = (f"{_steady_note(view)} Notice: a bound that is only reported. Beyond the limit a run ends.",)
-    return _of_runs("Watched", "watched", columns, view, found, notes) if any(found) else None
+    return _of_runs("Watched", "watched", WATCHED, view, found, notes) if any(found) else None
 
 
 def remarks(view: View) -> tuple[str, ...]:
@@ -271,14 +210,6 @@ def _steady_note(view: View) -> str:
     return f"* from {', '.join(of_runs)}."
 
 
-def _span(seconds: float | None) -> str:
-    return "" if seconds is None else f"{seconds:.4g}"
-
-
-def _bracketed(unit: str) -> str:
-    return f" [{symbols(unit)}]" if unit not in ("", "1") else ""
-
-
 def _overrides(values: dict[str, Any]) -> str:
     return ", ".join(f"{key}={value}" for key, value in values.items()) or "none"
 
@@ -286,25 +217,22 @@ def _overrides(values: dict[str, Any]) -> str:
 def _published_notes(view: View) -> tuple[str, ...]:
     notes = []
     run = view.run
-    if run.overrides:
-        notes.append(
-            "The published figures belong to the scenario as it stands in its file; this run overrides "
-            f"{', '.join(run.overrides)}."
-        )
+    if run.summary.published_not:
+        return (f"{run.summary.published_not[:1].upper()}{run.summary.published_not[1:]}.",)
     if not run.is_baseline and view.baseline is None and view.paper_baseline is not None:
         notes.append(f"Reduction: against the published baseline ({view.source}); none was measured here.")
     notes.append("Band: where one run of many like it may lie; late triggering instants are sensitive to the start.")
     return tuple(notes)
 
 
-def _beside(view: View, other: ReportedRun) -> dict[str, float]:
+def _beside(view: View, other: ReportedRun) -> dict[FigureKey, float]:
     """The figures of another run: of the baseline those measured at it, of others also those against it."""
     baseline = view.baseline
     if other is baseline:
         here = measured(view)
-        return {**other.summary.measured, **{name: here[name] for name in _AT_BASELINE}}
-    found = with_measured(other.summary, None if baseline is None else baseline.summary).measured
-    return {name: value for name, value in found.items() if name not in _AT_BASELINE}
+        return {**other.summary.figures, **{key: here[key] for key in _AT_BASELINE}}
+    found = with_measured(other.summary, None if baseline is None else baseline.summary).figures
+    return {key: value for key, value in found.items() if key not in _AT_BASELINE}
 
 
 def _counts(counted: list[Topic | None] | list[Totals]) -> tuple[str, ...]:
@@ -317,21 +245,11 @@ def _counts(counted: list[Topic | None] | list[Totals]) -> tuple[str, ...]:
     return tuple(cells)
 
 
-def _totals(summary: Summary, kind: str) -> Totals:
-    return {"network": summary.network, "internal": summary.internal, "emulation": summary.emulation}[kind]
+def _interval(seconds: float | None) -> str:
+    return optional(seconds, ".4g")
 
 
-def _band(figure: PublishedFigure | None) -> str:
-    if figure is None or figure.low == figure.high:
-        return ""
-    return f"{_number(figure.low)} to {_number(figure.high)}"
-
-
-def _verdict(value: float | None, figure: PublishedFigure | None) -> str:
+def _verdict(value: float | None, figure: PublishedValue | None) -> str:
     if value is None or figure is None:
         return ""
-    return "yes" if figure.low <= value <= figure.high else "no"
-
-
-def _number(value: float) -> str:
-    return f"{value:,.0f}" if float(value).is_integer() else f"{value:,.4g}"
+    return "no" if is_outside(value, figure) else "yes"

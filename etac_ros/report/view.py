@@ -6,10 +6,12 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
-from etac_ros.metrics.curves import attitude_angle, attitude_plants, transient_end_s, trigger_modules
+from etac_ros.metrics.curves import attitude_angle, attitude_plants, transient_end_s
 from etac_ros.metrics.decisions import Decisions, Margins, decisions, margins
+from etac_ros.metrics.figures import FigureKey
+from etac_ros.metrics.summary import PublishedValue
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.report.source import ReportedRun
-from etac_ros.scenario.schema import PublishedFigure
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class View:
     def decisions(self) -> dict[str, Decisions]:
         """What the trigger rule of each module was shown, where that can be recomputed."""
         run = self.run
-        found = {name: decisions(run.graph, run.recording, name) for name in trigger_modules(run.graph)}
+        found = {name: decisions(run.graph, run.recording, name) for name in triggering_modules(run.graph)}
         return {name: shown for name, shown in found.items() if shown is not None}
 
     @cached_property
@@ -100,11 +102,9 @@ class View:
         return next((other for other in self.others if self._is_baseline(other)), None)
 
     @property
-    def paper_baseline(self) -> PublishedFigure | None:
-        """The paper's bytes of its baseline, where they belong to a run as long as this one."""
-        if "duration_s" in self.run.overrides or not self.run.is_complete:
-            return None
-        return self.run.scenario.published.get("baseline_payload_bytes")
+    def paper_baseline(self) -> PublishedValue | None:
+        """The paper's bytes of its baseline, where they stand beside this run and it is complete."""
+        return self.run.summary.paper.get(FigureKey("baseline_payload_bytes")) if self.run.is_complete else None
 
     @property
     def source(self) -> str:

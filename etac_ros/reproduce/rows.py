@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.metrics.published import label
-from etac_ros.metrics.summary import PublishedValue, Summary, with_measured
+from etac_ros.metrics.figures import FigureKey, label
+from etac_ros.metrics.published import published_figures
+from etac_ros.metrics.summary import PublishedValue, Summary, published_value, with_measured
 from etac_ros.reproduce.verdict import Spread, Verdict, judge
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, baseline_of, load
@@ -113,12 +114,11 @@ def rows_of(scenario: Scenario, effort: Effort, folder: Path, overrides: Sequenc
     title = f"{scenario.name} {scenario.variant or ''}".strip()
     say(f"{title}: one run over {effort.engine}")
     summary = _measured(scenario, effort, folder)
-    figures = summary.published
-    spreads = _spreads(scenario, effort, overrides, summary, say)
-    return [
-        _row(scenario, summary, name, figure, summary.measured.get(name), spreads.get(name))
-        for name, figure in figures.items()
-    ]
+    # Also with values overridden: then the verdicts say what the change does to them.
+    figures = {key: published_value(key, one) for key, one in published_figures(scenario, scenario.build()).items()}
+    measured = summary.figures
+    spreads = _spreads(scenario, effort, overrides, [key for key in figures if key in measured], say)
+    return [_row(scenario, figure, measured.get(key), spreads.get(str(key))) for key, figure in figures.items()]
 
 
 def _measured(scenario: Scenario, effort: Effort, folder: Path) -> Summary:
@@ -141,7 +141,7 @@ def _baseline(scenario: Scenario) -> Summary | None:
 
 
 def _spreads(
-    scenario: Scenario, effort: Effort, overrides: Sequence[str], summary: Summary, say: Say
+    scenario: Scenario, effort: Effort, overrides: Sequence[str], keys: Sequence[FigureKey], say: Say
 ) -> Mapping[str, Spread]:
     if not scenario.run.dispersion:
         return {}
@@ -154,28 +154,20 @@ def _spreads(
     result = sweep(
         plan, usual_workers(effort.workers), lambda done, planned: say(f"{title}: {done} of {planned} dispersed runs")
     )
-    found = bands(result, [name for name in summary.published if name in summary.measured])
+    found = bands(result, [str(key) for key in keys])
     return {band.figure: Spread(band.p5, band.p95, band.count) for band in found}
 
 
-def _row(
-    scenario: Scenario,
-    summary: Summary,
-    name: str,
-    figure: PublishedValue,
-    measured: float | None,
-    spread: Spread | None,
-) -> Row:
-    is_limit = figure.low == 0.0 and figure.high == figure.value
-    verdict = judge(figure.value, is_limit, measured, spread)
+def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, spread: Spread | None) -> Row:
+    verdict = judge(figure.value, figure.is_limit, measured, spread)
     return Row(
         scenario=scenario.name,
         variant=scenario.variant or "",
-        figure=name,
-        label=_words(name, summary, figure),
+        figure=str(figure.key),
+        label=label(figure.key, figure.label),
         where=figure.where,
         published=figure.value,
-        is_limit=is_limit,
+        is_limit=figure.is_limit,
         measured=measured,
         spread=spread,
         verdict=verdict,
@@ -188,12 +180,3 @@ _UNEXPLAINED = {
     Verdict.NOT_REPRODUCED: "no reading of the paper that was tried gives it",
     Verdict.NOT_TESTABLE: "a run does not give it",
 }
-
-
-def _words(name: str, summary: Summary, figure: PublishedValue) -> str:
-    words = label(name, summary.triggers, figure.label)
-    for plant in summary.performance:
-        end = plant.replace("/", "_")
-        if figure.label and name.endswith(end):
-            return f"{words}, {plant}"
-    return words

@@ -11,17 +11,21 @@ from itertools import groupby
 from etac_ros import __version__
 from etac_ros.reproduce.rows import Effort, Row
 from etac_ros.reproduce.verdict import RULE, Verdict
+from etac_ros.tables.markdown import markdown_lines
+from etac_ros.tables.numbers import number
+from etac_ros.tables.table import Row as TableRow
+from etac_ros.tables.table import Table
 
 _HEAD = ("figure", "where", "published", "measured", "5 to 95 %", "runs", "verdict", "why")
+_TEXTS = frozenset({"where", "verdict", "why"})
 
 
-def number(value: float) -> str:
-    """A figure for people: whole numbers whole, others to four digits."""
-    return f"{value:,.0f}" if float(value).is_integer() and abs(value) < 1e9 else f"{value:,.4g}"
+def rows_table(rows: Sequence[Row]) -> Table:
+    """The rows as a table."""
+    return Table("", _HEAD, tuple(TableRow(_cells(row)) for row in rows), texts=_TEXTS)
 
 
-def cells(row: Row) -> tuple[str, ...]:
-    """The columns of a row as text, in the order of the head."""
+def _cells(row: Row) -> tuple[str, ...]:
     return (
         row.label,
         row.where,
@@ -68,8 +72,7 @@ def markdown(rows: Sequence[Row], effort: Effort, command: str) -> str:
         lines += ["", f"## {scenario}"]
         for variant, of_variant in groupby(of_scenario, key=lambda row: row.variant):
             lines += ["", f"### {variant or 'as the file stands'}", ""]
-            lines += [f"| {' | '.join(_HEAD)} |", f"|{'---|' * len(_HEAD)}"]
-            lines += [f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells(row))} |" for row in of_variant]
+            lines += markdown_lines(rows_table(list(of_variant)))
     return "\n".join(lines) + "\n"
 
 

@@ -73,7 +73,7 @@ class Scenario:
 
     @property
     def published(self) -> Mapping[str, PublishedFigure]:
-        """The paper's figures by name."""
+        """The paper's figures by key."""
         return self.run.published.figures
 
     @property

@@ -100,6 +100,12 @@ class Measure(Parameters):
 class PublishedFigure(Parameters):
     """A figure of the paper, and the band in which a single draw of it may lie."""
 
+    figure: str = Field(
+        default="", pattern=r"^\S*$", description="which figure of a run it stands beside; default: its own key"
+    )
+    node: str | None = Field(
+        default=None, description="whose figure; default: that of its measure, of the only sensor, or of the whole run"
+    )
     value: FiniteFloat
     low: FiniteFloat
     high: FiniteFloat
@@ -116,7 +122,7 @@ class PublishedFigure(Parameters):
 
 
 class Published(Parameters):
-    """What the paper publishes, by the name of the measured figure it stands beside."""
+    """What the paper publishes, each under a key of its own."""
 
     model_config = {**Parameters.model_config, "extra": "allow"}
     __pydantic_extra__: dict[str, PublishedFigure]
@@ -128,7 +134,7 @@ class Published(Parameters):
 
     @property
     def figures(self) -> dict[str, PublishedFigure]:
-        """Figures by name."""
+        """Figures by key."""
         return self.__pydantic_extra__
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from etac_ros.metrics.figures import of_nodes
 from etac_ros.metrics.summary import PublishedValue
 from etac_ros.parameters import FloatArray
 from etac_ros.sweep.result import SweepResult
@@ -135,7 +136,7 @@ def shortest_interval(result: SweepResult) -> ShortestInterval | None:
     Time is a grid, so no interval is shorter than a tick: runs that show Zeno behaviour show intervals of one tick.
     """
     sensors = result.description["event_triggered"]
-    names = [_MIN_INTERVAL, *(_MIN_INTERVAL + sensor.replace("/", "_") for sensor in sensors)]
+    names = [str(key) for key in of_nodes(_MIN_INTERVAL, sensors)]
     best: tuple[float, int] | None = None
     for name in names if sensors else []:
         if name not in result.table.column_names:
@@ -166,7 +167,7 @@ def _band(name: str, point: int, values: FloatArray, published: PublishedValue |
         p5=float(p5),
         p95=float(p95),
         published=published,
-        inside=None if published is None else int(((values >= published.low) & (values <= published.high)).sum()),
+        inside=None if published is None else sum(published.contains(value) for value in values.tolist()),
     )
 
 

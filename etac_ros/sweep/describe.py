@@ -13,13 +13,14 @@ import scipy
 
 from etac_ros import __version__
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.summary import PublishedValue
+from etac_ros.metrics.published import published_figures
+from etac_ros.metrics.summary import published_value
 from etac_ros.scenario.document import shown
 from etac_ros.sweep.plan import Plan
 
 Description = Mapping[str, Any]
 
-FORMAT = 1
+FORMAT = 2
 _MUST_AGREE = ("scenario", "variant", "version", "fixed", "points", "dispersions", "runs", "seed", "digests")
 _WORDS = {"digests": "the scenario itself", "runs": "--runs", "fixed": "--set", "points": "--set with several values"}
 
@@ -46,8 +47,8 @@ def describe(plan: Plan) -> dict[str, Any]:
         "event_triggered": [name for name, by_events in plan.sensors.items() if by_events],
         "published": [
             {
-                name: PublishedValue(**figure.model_dump(exclude={"measure"})).model_dump()
-                for name, figure in point.scenario.published.items()
+                str(key): published_value(key, figure).model_dump()
+                for key, figure in published_figures(point.scenario, point.scenario.build()).items()
             }
             for point in plan.points
         ],

@@ -10,8 +10,8 @@ from itertools import product
 from typing import Any
 
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.module import Module
 from etac_ros.metrics.summary import Summary
+from etac_ros.modules.triggering import event_triggered_modules, triggering_modules
 from etac_ros.runs import checked_graph, simulate
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.load import Scenario, baseline_of, load
@@ -19,7 +19,6 @@ from etac_ros.scenario.schema import Dispersion
 from etac_ros.scenario.values import value_at
 from etac_ros.scenario.yaml_text import parse_value
 from etac_ros.sweep.draws import check_target, dispersed, run_seed
-from etac_ros.triggers.periodic import Periodic
 
 _KINDS = tuple(Dispersion.model_fields)
 _TRIED = 3
@@ -88,8 +87,8 @@ class Plan:
     def sensors(self) -> Mapping[str, bool]:
         """The modules that trigger, and whether by events: a Zeno check looks at those only."""
         graph = self.scenario.build()
-        modules = {name: graph.modules[name] for name in graph.reporters}
-        return {name: not _by_time(module) for name, module in modules.items() if module.triggers}
+        by_events = event_triggered_modules(graph)
+        return {name: name in by_events for name in triggering_modules(graph)}
 
     def place(self, sample: int) -> tuple[int, int]:
         """Run and grid point of a sample.
@@ -116,12 +115,6 @@ class Plan:
         """The scenario of a sample, with its grid values, draws and seed."""
         run, point = self.place(sample)
         return self.points[point].scenario.with_values(self.draws(sample), run_seed(self.seed, run))
-
-
-def _by_time(module: Module) -> bool:
-    """Whether a module sends at a period, or answers each time it is asked, so that no event decides."""
-    rule = getattr(module, "trigger", None)
-    return rule is None or isinstance(rule, Periodic)
 
 
 def make_plan(

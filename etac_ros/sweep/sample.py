@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from etac_ros.errors import ScenarioError
+from etac_ros.metrics.figures import FigureKey, key_of
 from etac_ros.metrics.summary import Summary, with_measured
 from etac_ros.runs import Run, simulate
 from etac_ros.sweep.draws import run_seed
@@ -64,14 +65,14 @@ def row_of(plan: Plan, sample: int) -> Row:
 
 
 def figures_of(summary: Summary) -> dict[str, float]:
-    """All figures of a run that a sweep keeps, by name; those of one of several plants or sensors end in its name."""
-    found = dict(summary.measured)
-    found["network_cdr_bytes"] = float(summary.network.cdr_bytes)
-    found["internal_messages"] = float(summary.internal.messages)
+    """All figures of a run that a sweep keeps, each by the text of its key."""
+    found = summary.figures
+    found[FigureKey("network_cdr_bytes")] = float(summary.network.cdr_bytes)
+    found[FigureKey("internal_messages")] = float(summary.internal.messages)
     for plant, performance in summary.performance.items():
-        suffix = "" if len(summary.performance) == 1 else plant.replace("/", "_")
-        found.update({f"{name}{suffix}": value for name, value in performance.model_dump(exclude_none=True).items()})
+        values = performance.model_dump(exclude_none=True)
+        found |= {key_of(name, plant, summary.performance): value for name, value in values.items()}
     for node, watches in summary.watches.items():
-        suffix = "" if len(summary.watches) == 1 else node.replace("/", "_")
-        found.update({f"largest_{watch.name.replace(' ', '_')}{suffix}": watch.largest for watch in watches})
-    return found
+        for watch in watches:
+            found[key_of(f"largest_{watch.name.replace(' ', '_')}", node, summary.watches)] = watch.largest
+    return {str(key): value for key, value in found.items()}

@@ -10,10 +10,10 @@ from itertools import product
 import numpy as np
 
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import Graph
 from etac_ros.graph.plant import PlantModule
-from etac_ros.metrics.published import check as check_figures
+from etac_ros.metrics.published import check_measure
 from etac_ros.metrics.summary import steady_from_s
+from etac_ros.modules.triggering import event_triggered_modules
 from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.document import EVERYWHERE, choice
 from etac_ros.scenario.load import Scenario, available, load
@@ -130,7 +130,7 @@ def lay_out(name: str, runs: int) -> Layout:
     places = [replace(place, scenario=_with_figures(place.scenario, own)) for place in places]
     _check_error(section, own, places, file)
     plan = _joined(parts, places)
-    return Layout(scenario, section, tuple(places), plan, _deciders(scenario.build()))
+    return Layout(scenario, section, tuple(places), plan, event_triggered_modules(scenario.build()))
 
 
 def start_error_deg(scenario: Scenario) -> float:
@@ -177,8 +177,11 @@ def _joined(parts: Sequence[tuple[str, Plan]], places: Sequence[Place]) -> Plan:
 
 def _own_figures(scenario: Scenario, error: str) -> dict[str, PublishedFigure]:
     """The published figures with a measure that the steady error is: one, or one for each plant."""
-    names = {error, *(f"{error}{plant.replace('/', '_')}" for plant in scenario.build().plants)}
-    return {name: figure for name, figure in scenario.published.items() if name in names and figure.measure is not None}
+    return {
+        name: figure
+        for name, figure in scenario.published.items()
+        if error == (figure.figure or name) and figure.measure is not None
+    }
 
 
 def _with_figures(scenario: Scenario, own: Mapping[str, PublishedFigure]) -> Scenario:
@@ -195,13 +198,11 @@ def _check_error(
 ) -> None:
     if section.error != USUAL_ERROR and not own:
         known = sorted(
-            name for name, figure in places[-1].scenario.published.items() if figure.measure is not None
+            {figure.figure or name for name, figure in places[-1].scenario.published.items() if figure.measure}
         )  # the file's own: the paper's points come last
         raise ScenarioError(f"{file}.error", f"found '{section.error}'", choice(section.error, [USUAL_ERROR, *known]))
     for place in places if own else []:
-        check_figures(own, place.scenario.build(), str(place.scenario.path))
-
-
-def _deciders(graph: Graph) -> tuple[str, ...]:
-    modules = {name: graph.modules[name] for name in graph.reporters}
-    return tuple(name for name, module in modules.items() if module.triggers and module.every is None)
+        graph = place.scenario.build()
+        for name, figure in own.items():
+            assert figure.measure is not None
+            check_measure(figure.measure, graph, f"{place.scenario.path}: published.{name}.measure")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.metrics.figures import of_nodes
 from etac_ros.parameters import FloatArray
 from etac_ros.sweep.result import SweepResult
 from etac_ros.tradeoff.layout import USUAL_ERROR, Layout, Place, start_error_deg
@@ -119,7 +120,7 @@ def _short(reason: str) -> str:
 
 def _columns(result: SweepResult, rows: Rows, figure: str, nodes: Sequence[str]) -> FloatArray:
     """A figure of several nodes, a column for each that has it; NaN where a run does not. Shape (runs, columns)."""
-    names = [figure, *(f"{figure}{node.replace('/', '_')}" for node in nodes)]
+    names = [str(key) for key in of_nodes(figure, nodes)]
     chosen = [name for name in names if name in result.table.column_names]
     if not chosen:
         return np.full((rows.size, 1), np.nan)

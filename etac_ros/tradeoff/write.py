@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from etac_ros import __version__
+from etac_ros.tables.markdown import markdown_lines
+from etac_ros.tables.table import Row, Table
 from etac_ros.tradeoff.curves import Tradeoff, values_of
 from etac_ros.tradeoff.layout import PERIODIC
 from etac_ros.tradeoff.points import TradePoint
@@ -75,10 +78,10 @@ def _section(tradeoff: Tradeoff, shortest: Sequence[Shortest]) -> list[str]:
     lines = [f"## {title}", "", f"![{_alternative(tradeoff)}]({picture_name(scenario.name)})", ""]
     lines += [f"- {words}" for words in tradeoff.words()]
     lines += ["", f"Steady error: {tradeoff.layout.error_label}. Energy in N²m²s.", ""]
-    lines += _table(HEAD, [cells(tradeoff, point) for point in tradeoff.points])
+    lines += markdown_lines(points_table(tradeoff))
     lines += ["", "**Zeno check.** " + zeno_words(shortest, scenario.run.ticks_per_second), ""]
     if shortest:
-        lines += _table(ZENO_HEAD, [zeno_cells(one) for one in shortest])
+        lines += markdown_lines(zeno_table(shortest))
         lines += [line for remark in remarks(shortest) for line in ("", remark)]
     return lines
 
@@ -87,14 +90,21 @@ def _alternative(tradeoff: Tradeoff) -> str:
     return f"Steady error and energy of {tradeoff.layout.scenario.name} against its network bytes"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    escaped = [[cell.replace("|", "&#124;") for cell in row] for row in rows]
-    # The first two columns and the last are words, the others numbers.
-    rule = f"|---|---|{'---:|' * (len(head) - 3)}---|"
-    return [f"| {' | '.join(head)} |", rule, *(f"| {' | '.join(row)} |" for row in escaped)]
+def points_table(tradeoff: Tradeoff) -> Table:
+    """All points of a trade-off, with a line between curves."""
+    points = tradeoff.points
+    ends = [one.curve != following.curve for one, following in pairwise(points)]
+    rows = (Row(_cells(tradeoff, point), ends=end) for point, end in zip(points, [*ends, False], strict=True))
+    return Table("", HEAD, tuple(rows), texts=frozenset({HEAD[1], HEAD[-1]}))
 
 
-def cells(tradeoff: Tradeoff, point: TradePoint) -> tuple[str, ...]:
+def zeno_table(shortest: Sequence[Shortest]) -> Table:
+    """The shortest inter-event times beside the papers' bounds."""
+    rows = tuple(Row(_zeno_cells(one)) for one in shortest)
+    return Table("", ZENO_HEAD, rows, texts=frozenset({ZENO_HEAD[1], ZENO_HEAD[-1]}))
+
+
+def _cells(tradeoff: Tradeoff, point: TradePoint) -> tuple[str, ...]:
     """A point as text, in the order of the head."""
     first = f"{'the paper: ' if point.curve is None else ''}{point.label}", values_of(point)
     if point.failed:
@@ -113,7 +123,7 @@ def cells(tradeoff: Tradeoff, point: TradePoint) -> tuple[str, ...]:
     return (*first, *numbers, *(_factor(factor) for factor in factors), "")
 
 
-def zeno_cells(one: Shortest) -> tuple[str, ...]:
+def _zeno_cells(one: Shortest) -> tuple[str, ...]:
     """The shortest inter-event time of a curve as text, in the order of its head."""
     bound = one.bound
     return (

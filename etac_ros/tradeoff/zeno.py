@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from etac_ros.tradeoff.answer import times
-from etac_ros.tradeoff.bounds import Bound, bound_of
+from etac_ros.tradeoff.bounds import bound_of
 from etac_ros.tradeoff.layout import PERIODIC, Layout
 from etac_ros.tradeoff.points import TradePoint
+from etac_ros.triggers.bound import Bound
 
 
 @dataclass(frozen=True)

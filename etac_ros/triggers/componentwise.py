@@ -16,6 +16,7 @@ from pydantic import Field, PositiveFloat
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.bound import Bound, Evidence
 
 
 @inlined
@@ -121,3 +122,12 @@ class ComponentThreshold:
         # The kernels do not check bounds.
         if held.size == 0 or signals.shape[1] != held.size:
             raise ValueError(f"signals of {signals.shape[1]} columns do not fit a held torque of {held.size}")
+
+    def interval_bound(self, evidence: Evidence) -> Bound:
+        """shi2022 eq. (45), which cannot be evaluated."""
+        return Bound(
+            "shi2022 eq. (45)",
+            None,
+            "(3 beta |u| + 3 |Lambda|) / tau_m: the paper gives no tau_m, the bound of the torque's rate, and Lambda "
+            "falls with exp(-delta t)",
+        )

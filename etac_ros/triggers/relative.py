@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -9,6 +10,7 @@ from pydantic import Field
 
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.bound import Bound, Evidence
 
 
 @inlined
@@ -70,3 +72,40 @@ class RelativeThreshold:
         """``|s(t_i) - s|`` and ``alpha |s| + gamma`` of each sample."""
         errors, thresholds = _margin(signals, held, self._alpha, self._gamma)
         return errors, thresholds
+
+    def interval_bound(self, evidence: Evidence) -> Bound | None:
+        """The bound of the paper that uses this rule with the signal at hand."""
+        source = getattr(evidence.signal, "interval_bound", None)
+        if source is None or len(evidence.gains) != 1 or len(evidence.inertias_kg_m2) != 1:
+            return None
+        equation, constants = source
+        (gain,), (inertia,) = evidence.gains, evidence.inertias_kg_m2
+        largest = float(np.linalg.norm(evidence.signals(), axis=1).max())
+        return Bound(
+            equation,
+            shortest_interval_s(self._gamma, gain, inertia, evidence.drift_nm(inertia), largest),
+            f"the paper gives no value of {constants}; what is bounded by it, and the signal, are the largest of one "
+            "undisturbed run with the point's values instead",
+        )
+
+
+def shortest_interval_s(
+    gamma: float, gain_nms: float, inertia_kg_m2: FloatArray, drift_nm: float, signal: float
+) -> float:
+    """``ln(1 + k gamma / (D + k S)) / (k |J^-1|)`` [s] (wu2018 eq. 36, flexible eq. 73).
+
+    Parameters
+    ----------
+    gamma
+        Absolute part of the threshold [rad/s]; the paper of ``flexible`` calls it rho.
+    gain_nms
+        ``k``.
+    inertia_kg_m2
+        ``J``, shape (3, 3); the norm of its inverse is the spectral one.
+    drift_nm
+        ``D``: bound of ``|L|``, what acts on the signal beside the control torque [N m].
+    signal
+        ``S``: bound of the signal [rad/s].
+    """
+    norm = 1.0 / float(np.linalg.eigvalsh(inertia_kg_m2)[0])
+    return math.log1p(gain_nms * gamma / (drift_nm + gain_nms * signal)) / (gain_nms * norm)

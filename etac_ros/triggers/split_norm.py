@@ -18,6 +18,7 @@ from pydantic import PositiveFloat
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.bound import Bound, Evidence
 
 _SIZE = 9
 _RELATIVE = math.sqrt(2.0) / 2.0  # no parameter: the proof of theorem 1 takes this factor
@@ -118,3 +119,44 @@ class SplitNormThreshold:
                 f"this trigger rule takes rows of {_SIZE} numbers, [chi (3), e_dot (3), eta (3)]: "
                 f"the signals have {signals.shape[1]} columns, the held value has {held.size}"
             )
+
+    def interval_bound(self, evidence: Evidence) -> Bound | None:
+        """xie2021 eq. (35); None where the signal has no ``r``."""
+        r = getattr(evidence.signal, "r", None)
+        if r is None:
+            return None
+        norms = [float(np.linalg.norm(inertia, 2)) for inertia in evidence.inertias_kg_m2]
+        return Bound(
+            "xie2021 eq. (35)",
+            shortest_interval_s(self._c1, self._c2, evidence.sensors, float(r), evidence.motion(), max(norms)),
+            "the paper gives no value of delta_1 to delta_3; in their place stands the largest of one undisturbed run "
+            "with the point's values. The proof takes neighbours as known at every instant: where they are known by "
+            "broadcasts, each arrival moves the error at once, which the bound does not cover",
+        )
+
+
+def shortest_interval_s(
+    c1: float, c2: float, spacecraft: int, r: float, motion: tuple[float, float, float], inertia_kg_m2: float
+) -> float:
+    """``c1 exp(-c2 pi / 2) / psi`` [s] (xie2021 eq. 35), with the psi of eq. (32).
+
+    Parameters
+    ----------
+    c1, c2
+        Of the threshold.
+    spacecraft
+        ``n``.
+    r
+        Of the law.
+    motion
+        ``delta_1 .. delta_3``: bounds of rates, accelerations and of the reference's jerk (assumptions 2 to 4).
+    inertia_kg_m2
+        Largest norm of an inertia matrix.
+    """
+    delta1, delta2, delta3 = motion
+    psi = (
+        2.0 * (spacecraft + 1) * r * delta1
+        + 2.0 * (spacecraft + 2) * delta2
+        + (2.0 * delta1 * delta2 + delta3) * inertia_kg_m2
+    )
+    return c1 * math.exp(-c2 * math.pi / 2.0) / psi

@@ -17,6 +17,7 @@ from pydantic import PositiveFloat
 
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.triggers.bound import Bound, Evidence
 
 _STATE_COLUMNS = 6
 
@@ -112,3 +113,12 @@ class StateRelativeThreshold:
                 f"signals of {signals.shape[1]} columns do not fit a held value of {held.size}: "
                 f"{held.size + _STATE_COLUMNS} are needed, [tau, omega (3), q (3)]"
             )
+
+    def interval_bound(self, evidence: Evidence) -> Bound:
+        """qi2022 eq. (18), which cannot be evaluated."""
+        return Bound(
+            "qi2022 eq. (18)",
+            None,
+            "|delta tau| / gamma: the paper gives no gamma, the bound of the torque's rate, and the threshold that "
+            "delta tau reaches vanishes with the state, so that no value holds throughout",
+        )

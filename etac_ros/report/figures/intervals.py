@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from etac_ros.metrics import curves
 from etac_ros.metrics.curves import Curve
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Theme, plain_logarithmic
 from etac_ros.report.view import View
@@ -24,7 +25,7 @@ def _found(view: View) -> dict[str, Curve]:
     run = view.run
     found = {
         name: curves.intervals(curves.instants_s(run.graph, run.recording, name))
-        for name in curves.trigger_modules(run.graph)
+        for name in triggering_modules(run.graph)
     }
     return {name: curve for name, curve in found.items() if curve.times_s.size}
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from etac_ros.metrics import curves
+from etac_ros.modules.triggering import triggering_modules
 from etac_ros.parameters import FloatArray
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme
@@ -43,7 +44,7 @@ def rows(view: View) -> list[Row]:
     """The sensors of this run, then those of the others."""
     found = []
     for number, (run, label) in enumerate(zip(view.runs, view.labels, strict=True)):
-        names = curves.trigger_modules(run.graph)
+        names = triggering_modules(run.graph)
         for name in names:
             if not view.overlaid or (len(names) > 1 and number == 0):
                 words = name

@@ -1,0 +1,69 @@
+"""Cells of tables for what a summary holds, the same wherever it is shown."""
+
+from __future__ import annotations
+
+from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
+from etac_ros.tables.numbers import band, bracketed, number, optional, type_words
+
+KINDS = ("network", "internal", "emulation")
+PERFORMANCE = ("error [deg]", "largest* [deg]", "rate [deg/s]", "largest* [deg/s]", "energy [N²m²s]")
+PERFORMANCE_SHORT = ("error [deg]", "largest*", "rate [deg/s]", "largest*", "energy [N²m²s]")
+"""The same where the columns stand beside each other."""
+WATCHED = ("largest", "at [s]", "axis", "largest*", "at the end", "notice", "limit")
+
+
+def performance_cells(figures: Performance) -> tuple[str, ...]:
+    """In the order of ``PERFORMANCE``; empty where a plant has no attitude."""
+    angles = (
+        figures.attitude_error_deg, figures.max_attitude_error_deg, figures.rate_deg_s, figures.max_rate_deg_s,
+    )  # fmt: skip
+    return (*(optional(angle, ".3g") for angle in angles), f"{figures.energy_n2m2s:.4g}")
+
+
+def watched_cells(watched: Watched) -> tuple[str, ...]:
+    """In the order of ``WATCHED``."""
+    return (
+        f"{watched.largest:.4g}",
+        f"{watched.at_s:g}",
+        watched.axis,
+        f"{watched.steady:.3g}",
+        f"{watched.final:.3g}",
+        optional(watched.notice, "g"),
+        optional(watched.bound, "g"),
+    )
+
+
+def watched_name(watched: Watched) -> str:
+    """What is watched, with its unit."""
+    return f"{watched.name}{bracketed(watched.unit)}"
+
+
+def topic_cells(counted: Totals) -> tuple[str, str, str]:
+    """Messages, payload and CDR bytes; nothing stands for no bytes."""
+    payload = f"{counted.payload_bytes:,}" if counted.payload_bytes else ""
+    return f"{counted.messages:,}", payload, f"{counted.cdr_bytes:,}"
+
+
+def topic_type(topic: Topic) -> str:
+    """The message type of a topic."""
+    return type_words(topic.type)
+
+
+def totals_of(summary: Summary, kind: str) -> Totals:
+    """Totals of the topics of a kind."""
+    return {"network": summary.network, "internal": summary.internal, "emulation": summary.emulation}[kind]
+
+
+def paper_cells(figure: PublishedValue | None) -> tuple[str, str]:
+    """The paper's figure and its band."""
+    return ("", "") if figure is None else (printed(figure), band(figure.low, figure.high))
+
+
+def printed(figure: PublishedValue) -> str:
+    """The paper's figure; a limit is marked."""
+    return f"{'≤ ' if figure.is_limit else ''}{number(figure.value)}"
+
+
+def is_outside(measured: float | None, figure: PublishedValue | None) -> bool:
+    """Whether a figure was measured and lies outside the paper's band."""
+    return measured is not None and figure is not None and not figure.contains(measured)
