@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from etac_ros.engines.ros.domain import dds_environment, take_domain
+from etac_ros.engines.ros.domain import take_domain
+from etac_ros.engines.ros.environment import dds_environment
 from etac_ros.errors import RunError
 from etac_ros.runs import run_over_ros
 from etac_ros.scenario.load import load
