@@ -41,6 +41,7 @@ setup(
         ("share/etac_ros/launch", sorted(glob("launch/*.launch.py"))),
     ],
     install_requires=[
+        "lz4",
         "matplotlib",
         "mcap>=1.5",
         "numba",
@@ -52,6 +53,7 @@ setup(
         "rosbags",
         "scipy",
         "typer",
+        "zstandard",
         *([] if jazzy_is_sourced() else ROS_WHEELS),
     ],
     extras_require={

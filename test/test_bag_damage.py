@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
@@ -29,7 +29,7 @@ def example_bag():
         directory = Path(folder, "bag")
         with BagWriter(directory, [SIGNAL], {"s.yaml": b"seed: 1\n"}, METADATA) as writer:
             for number in range(1, 41):
-                time = log_time_ns(number, 20)
+                time = tick_time_ns(number, 20)
                 cdr = encode(SIGNAL.type_name, np.array([number, 1.0, -number], dtype=np.float64), time)
                 writer.write("/signal", cdr, time, time, number)
                 written.append((SIGNAL, time, time, number, cdr))
@@ -97,7 +97,7 @@ def test_a_changed_byte_in_metadata_yaml_never_changes_what_is_read(data, differ
 
 def test_a_damaged_chunk_is_named_with_its_place(tmp_path):
     mcap, metadata, _ = example_bag()
-    place = mcap.index((20).to_bytes(4, "little") + log_time_ns(20, 20).to_bytes(8, "little"))
+    place = mcap.index((20).to_bytes(4, "little") + tick_time_ns(20, 20).to_bytes(8, "little"))
     directory = lay_down(tmp_path, changed(mcap, place, 1), metadata)
     with pytest.raises(BagError, match=r"byte \d+: the checksum of this chunk is wrong") as caught:
         read_bag(directory)
@@ -121,7 +121,7 @@ def test_a_footer_of_another_length_is_noticed(tmp_path, length):
 @pytest.mark.parametrize("opcode", [0x07, 0x0B, 0x86])
 def test_a_chunk_that_no_longer_looks_like_one_leaves_no_gap(tmp_path, opcode):
     mcap, metadata, written = example_bag()
-    time = log_time_ns(11, 20).to_bytes(8, "little")
+    time = tick_time_ns(11, 20).to_bytes(8, "little")
     place = next(
         i
         for i in range(len(mcap))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.describe import Total, describe
 from etac_ros.bag.topics import TopicDescription, truth_topic
@@ -31,10 +31,10 @@ def bag(tmp_path):
             (TORQUE, 3, (20,)),
         ]:
             for sequence, tick in enumerate(ticks, start=1):
-                time = log_time_ns(tick, 10)
+                time = tick_time_ns(tick, 10)
                 writer.write(topic.name, encode(topic.type_name, np.ones(size), time), time, time, sequence)
         writer.write(WINDOW.name, encode(WINDOW.type_name, np.ones(100), 0), 0, 0, 1)
-        writer.write(TRUTH.name, encode_truth(0, np.ones((31, 2))), log_time_ns(30, 10), log_time_ns(30, 10), 1)
+        writer.write(TRUTH.name, encode_truth(0, np.ones((31, 2))), tick_time_ns(30, 10), tick_time_ns(30, 10), 1)
     return tmp_path / "bag"
 
 
@@ -71,7 +71,7 @@ def test_the_run_is_described(bag):
 def test_duration_begins_with_the_first_message(tmp_path):
     with BagWriter(tmp_path / "bag", [SIGNAL], {}, {"ticks_per_second": "10"}) as writer:
         for sequence, tick in enumerate((20, 50), start=1):
-            time = log_time_ns(tick, 10)
+            time = tick_time_ns(tick, 10)
             writer.write("/signal", bytes(16), time, time, sequence)
     assert describe(tmp_path / "bag").duration_s == 3.0
 

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import decode, decode_truth, encode, encode_truth
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.topics import TopicDescription, truth_topic
@@ -67,10 +67,10 @@ def bag(tmp_path_factory):
     with BagWriter(directory, [*LINKS, TRUTH], {"resolved.yaml": b"seed: 7\n"}, metadata) as writer:
         for link in LINKS:
             for i, value in enumerate(values(WIRES[link.link]), start=1):
-                time = log_time_ns(i, 32)
-                writer.write(link.name, encode(link.type_name, value, time), time, time + 2, i)
+                time = tick_time_ns(i, 32)
+                writer.write(link.name, encode(link.type_name, value, time), time + 2, time, i)
             writer.flush()
-        writer.write(TRUTH.name, encode_truth(0, SAMPLES), log_time_ns(39, 32), log_time_ns(39, 32), 1)
+        writer.write(TRUTH.name, encode_truth(0, SAMPLES), tick_time_ns(39, 32), tick_time_ns(39, 32), 1)
     return directory
 
 
@@ -83,7 +83,7 @@ def test_rosbags_reads_the_same_values(bag):
                 for connection, time, raw in reader.messages(connections)
             ]
             expected = [
-                (log_time_ns(i, 32), value.tolist()) for i, value in enumerate(values(WIRES[link.link]), start=1)
+                (tick_time_ns(i, 32) + 2, value.tolist()) for i, value in enumerate(values(WIRES[link.link]), start=1)
             ]
             assert read == expected
 
@@ -93,8 +93,8 @@ def test_mcap_ros2_reads_the_same_values_from_the_schemas_in_the_file(bag):
         read = decoded(bag, link.name)
         assert [flat(value) for _, value in read] == [value.tolist() for value in values(WIRES[link.link])]
         assert [message.sequence for message, _ in read] == list(range(1, 201))
-        assert [message.log_time for message, _ in read] == [log_time_ns(i, 32) for i in range(1, 201)]
-        assert [message.publish_time - message.log_time for message, _ in read] == [2] * 200
+        assert [message.publish_time for message, _ in read] == [tick_time_ns(i, 32) for i in range(1, 201)]
+        assert [message.log_time - message.publish_time for message, _ in read] == [2] * 200
 
 
 def test_truth_is_an_ordinary_array_with_padding_in_front(bag):
@@ -116,8 +116,8 @@ def test_metadata_yaml_says_what_the_file_holds(bag):
             topic.name: type_hash(topic.type_name) for topic in [*LINKS, TRUTH]
         }
         assert reader.message_count == 200 * len(LINKS) + 1 == len(list(reader.messages()))
-        assert reader.start_time == log_time_ns(1, 32)
-        assert reader.duration == log_time_ns(200, 32) - log_time_ns(1, 32) + 1  # rosbags ends behind the last
+        assert reader.start_time == tick_time_ns(1, 32) + 2
+        assert reader.duration == tick_time_ns(200, 32) - tick_time_ns(1, 32) + 1  # rosbags ends behind the last
         qos = reader.connections[0].ext.offered_qos_profiles[0]
         assert (qos.history.name, qos.reliability.name, qos.durability.name) == (
             "KEEP_ALL",

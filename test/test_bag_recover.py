@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 
 import etac_ros
 import etac_ros.bag.write
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.contents import Contents
 from etac_ros.bag.read import read_bag
@@ -104,7 +104,7 @@ def example_bag():
         directory = Path(folder, "bag")
         writer = BagWriter(directory, [SIGNAL, TORQUE, TRUTH], {"s.yaml": b"seed: 1\n"}, METADATA)
         for tick in range(30):
-            time = log_time_ns(tick, 20)
+            time = tick_time_ns(tick, 20)
             value = np.array([tick, tick / 2, -tick], dtype=np.float64)
             messages = [
                 (SIGNAL, encode(SIGNAL.type_name, value, time), time, time, tick + 1),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
@@ -128,9 +128,10 @@ def test_messages_stand_in_the_order_in_which_things_happened(recording):
         order = [topic.name for topic in recorded_topics(toy_graph(1000))]
         raw = list(read_bag(Path(folder, "bag")).messages())
         links = [m for m in raw if m.topic.link is not None]
-        keys = [(m.publish_time_ns, order.index(m.topic.name), m.sequence) for m in links]
+        keys = [(m.log_time_ns, order.index(m.topic.name), m.sequence) for m in links]
         assert keys == sorted(keys)
         assert [m.log_time_ns for m in raw] == sorted(m.log_time_ns for m in raw)
+        assert all(m.publish_time_ns <= m.log_time_ns for m in raw)
 
 
 def test_no_truth_message_is_longer_than_dds_carries_quickly(tmp_path):
@@ -156,7 +157,7 @@ def test_a_recording_has_its_own_order_whatever_the_order_in_the_bag(tmp_path):
     with BagWriter(tmp_path / "bag", [link, truth], {}, {"ticks_per_second": "10"}) as writer:
         for tick in (2, 0, 1):
             value = np.full(3, float(tick))
-            time = log_time_ns(tick, 10)
+            time = tick_time_ns(tick, 10)
             writer.write(truth.name, encode_truth(tick, value[np.newaxis]), time, time, tick + 1)
             writer.write(link.name, encode(link.type_name, value, time), time, time, tick + 1)
     recording = read_bag(tmp_path / "bag").recording()

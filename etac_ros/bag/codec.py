@@ -40,7 +40,7 @@ def decode(type_name: str, cdr: bytes) -> FloatArray:
     raise ValueError(f"no link carries {type_name}")
 
 
-def encode(type_name: str, value: FloatArray, log_time_ns: int) -> bytes:
+def encode(type_name: str, value: FloatArray, tick_time_ns: int) -> bytes:
     """Serialize a message that carries a vector; a header gets the simulated time and an empty frame.
 
     Raises
@@ -53,7 +53,7 @@ def encode(type_name: str, value: FloatArray, log_time_ns: int) -> bytes:
         layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
         message = types[type_name](layout=layout, data=value.astype(ARRAY_DTYPES[type_name]))
     elif type_name in SCALAR_FIELDS:
-        message = _filled(type_name, dict(zip(SCALAR_FIELDS[type_name], value.tolist(), strict=True)), log_time_ns)
+        message = _filled(type_name, dict(zip(SCALAR_FIELDS[type_name], value.tolist(), strict=True)), tick_time_ns)
     else:
         raise ValueError(f"no link carries {type_name}")
     return bytes(typestore().serialize_cdr(message, type_name))
@@ -81,17 +81,17 @@ def encode_truth(first_tick: int, samples: FloatArray) -> bytes:
     return bytes(typestore().serialize_cdr(types[TABLE_TYPE](layout=layout, data=data), TABLE_TYPE))
 
 
-def _filled(type_name: str, numbers: Mapping[str, float], log_time_ns: int) -> Any:
+def _filled(type_name: str, numbers: Mapping[str, float], tick_time_ns: int) -> Any:
     """A message with these numbers at their places, by the path to each."""
     store = typestore()
     fields: dict[str, Any] = {}
     for name, (_, kind) in store.fielddefs[type_name][1]:
         inner = {path.partition(".")[2]: number for path, number in numbers.items() if path.partition(".")[0] == name}
         if name == "header":
-            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(log_time_ns, NANOSECONDS))
+            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(tick_time_ns, NANOSECONDS))
             fields[name] = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
         else:
-            fields[name] = inner[""] if "" in inner else _filled(kind, inner, log_time_ns)
+            fields[name] = inner[""] if "" in inner else _filled(kind, inner, tick_time_ns)
     return store.types[type_name](**fields)
 
 

@@ -12,8 +12,9 @@ from typing import NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
+from etac_ros.bag.clock import published_ns, step_of
 from etac_ros.bag.records import Record, damaged, records
 from etac_ros.bag.run_metadata import RECORD_NAME, unsealed
 from etac_ros.bag.topics import TopicDescription, from_channel_metadata
@@ -30,6 +31,16 @@ class RawMessage(NamedTuple):
     publish_time_ns: int
     sequence: int
     cdr: bytes
+
+    @property
+    def tick_time_ns(self) -> int:
+        """Simulated time of its tick [ns]."""
+        return published_ns(self.log_time_ns, self.publish_time_ns)
+
+    @property
+    def step(self) -> int:
+        """Its step within the tick; ValueError if the two times are not those of one step."""
+        return step_of(self.log_time_ns, self.publish_time_ns)
 
 
 class Contents:
@@ -48,6 +59,8 @@ class Contents:
         What is known of the run; empty before its record was met.
     attachments
         By name.
+    announced
+        Messages by channel as the statistics at the end of the file say; None before they were met.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,8 +68,9 @@ class Contents:
         self.topics: dict[int, TopicDescription] = {}
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, bytes] = {}
+        self.announced: dict[int, int] | None = None
         self._types: dict[int, str] = {}
-        self._chunked = False
+        self._chunked: bool | None = None
 
     def messages(self) -> Iterator[RawMessage]:
         """Read the file from its beginning.
@@ -79,11 +93,11 @@ class Contents:
     def _take(self, record: Record) -> RawMessage | None:
         # Schemas and channels stand a second time in the summary, whose checksum comes too late to vouch for
         # them. They are needed from there only if there are no chunks: then there is no message to spoil.
-        self._chunked = self._chunked or record.in_chunk
+        self._keep_to_one_form(record)
         vouched = record.in_chunk or not self._chunked
         stream = ReadDataStream(BytesIO(record.content))
         match record.opcode:
-            case Opcode.MESSAGE if record.in_chunk:
+            case Opcode.MESSAGE:
                 channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
                 cdr = record.content[_MESSAGE.size :]
                 return RawMessage(self.topics[channel_id], log_time, publish_time, sequence, cdr)
@@ -92,7 +106,13 @@ class Contents:
                 self._types[schema.id] = schema.name
             case Opcode.CHANNEL if vouched:
                 channel = Channel.read(stream)
-                self.topics[channel.id] = self._topic(channel)
+                topic = self._topic(channel)
+                if self.topics.setdefault(channel.id, topic) != topic:
+                    raise ValueError(f"channel {channel.id} is {self.topics[channel.id].name}, then {topic.name}")
+                if any(other.name == topic.name and other != topic for other in self.topics.values()):
+                    raise ValueError(f"two channels say different things of topic {topic.name}")
+            case Opcode.STATISTICS:
+                self.announced = dict(Statistics.read(stream).channel_message_counts)
             case Opcode.METADATA:
                 entry = Metadata.read(stream)
                 if entry.name == RECORD_NAME:
@@ -104,6 +124,15 @@ class Contents:
                     raise ValueError("the checksum of this attachment is wrong")
                 self.attachments[attachment.name] = attachment.data
         return None
+
+    def _keep_to_one_form(self, record: Record) -> None:
+        # Writers put all messages into chunks, or none. A chunk whose opcode was changed would look like a message.
+        if not record.in_chunk and record.opcode != Opcode.MESSAGE:
+            return
+        if self._chunked is None:
+            self._chunked = record.in_chunk
+        if self._chunked != record.in_chunk:
+            raise ValueError("some messages stand in chunks and some do not")
 
     def _topic(self, channel: Channel) -> TopicDescription:
         topic = from_channel_metadata(channel.topic, self._types[channel.schema_id], channel.metadata)
@@ -126,7 +155,7 @@ def mcap_file(directory: Path) -> Path:
         if directory.exists():
             raise BagError(str(directory), "is a file", wanted, "name the directory that it stands in")
         raise BagError(str(directory), "is not there", wanted)
-    files = sorted(directory.glob("*.mcap"))
+    files = sorted(path for path in directory.glob("*.mcap") if path.is_file())
     if len(files) != 1:
         raise BagError(str(directory), f"it holds {len(files)} .mcap files", f"{wanted}, which holds one")
     return files[0]

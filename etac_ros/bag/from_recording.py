@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from etac_ros.bag.clock import MOST_STEPS, log_time_ns, publish_time_ns
+from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.run_metadata import TICKS_PER_SECOND
 from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
@@ -49,10 +49,8 @@ def write_recording(
     complete = {**metadata, TICKS_PER_SECOND: str(rate)}
     with BagWriter(directory, recorded_topics(graph), attachments, complete) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
-            logged = log_time_ns(tick, rate)
-            # Truth is committed after all steps of a tick, and stands in none of them.
-            published = publish_time_ns(logged, step) if step < MOST_STEPS else logged
-            writer.write(topic, serialized(), logged, published, sequence)
+            published = tick_time_ns(tick, rate)
+            writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
 
 
 def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
@@ -60,7 +58,7 @@ def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
     for place, link in enumerate(graph.links.values()):
         topic = link_topic(link)
         for message in recording.messages.get(link.name, []):
-            stamp = log_time_ns(message.tick, graph.ticks_per_second)
+            stamp = tick_time_ns(message.tick, graph.ticks_per_second)
             serialized = partial(encode, topic.type_name, message.value, stamp)
             entries.append(((message.tick, message.step, place, message.sequence), topic.name, serialized))
     return entries
@@ -77,5 +75,5 @@ def _truth(graph: Graph, recording: Recording) -> list[_Entry]:
                 last = first + start + part.shape[0] - 1
                 sequence += 1
                 serialized = partial(encode_truth, first + start, part)
-                entries.append(((last, MOST_STEPS, place, sequence), topic.name, serialized))
+                entries.append(((last, AFTER_ALL_STEPS, len(graph.links) + place, sequence), topic.name, serialized))
     return entries

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from etac_ros.bag.clock import step_of, tick_of
+from etac_ros.bag.clock import tick_of
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
+from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.metadata import FILE_NAME, read_counts
 from etac_ros.bag.run_metadata import ticks_per_second
 from etac_ros.bag.topics import TopicDescription
@@ -36,7 +37,7 @@ class TopicCount:
 
     def add(self, message: RawMessage) -> None:
         """Count one more."""
-        time = message.log_time_ns
+        time = message.tick_time_ns
         self.messages += 1
         self.cdr_bytes += len(message.cdr)
         self.first_ns = time if self.first_ns is None else min(self.first_ns, time)
@@ -104,14 +105,13 @@ class Bag:
         return Recording(messages=links, truth=truth)
 
     def _message(self, raw: RawMessage) -> Message:
-        tick = tick_of(raw.log_time_ns, self.ticks_per_second)
-        step = step_of(raw.log_time_ns, raw.publish_time_ns)
-        return Message(raw.sequence, tick, step, decode(raw.topic.type_name, raw.cdr))
+        tick = tick_of(raw.tick_time_ns, self.ticks_per_second)
+        return Message(raw.sequence, tick, raw.step, decode(raw.topic.type_name, raw.cdr))
 
     def _samples(self, raw: RawMessage) -> tuple[int, FloatArray]:
         first, samples = decode_truth(raw.cdr)
         last = first + samples.shape[0] - 1
-        logged = tick_of(raw.log_time_ns, self.ticks_per_second)
+        logged = tick_of(raw.tick_time_ns, self.ticks_per_second)
         if logged != last:
             raise ValueError(f"it is logged at tick {logged} and ends with tick {last}")
         return first, samples
@@ -134,10 +134,19 @@ def read_bag(directory: Path) -> Bag:
     Raises
     ------
     BagError
-        If there is no bag, it was cut off or damaged (the remedy is ``etac recover``), or it is not one of
-        etac_ros.
+        If there is no bag, it is still being written, it was cut off or damaged (the remedy is ``etac recover``), or
+        it is not one of etac_ros.
     """
     path = mcap_file(directory)
+    if is_being_written(path):
+        raise BagError(
+            str(directory), "is still being written", "a bag that was closed", "wait until its run has ended"
+        )
+    return read_file(directory, path)
+
+
+def read_file(directory: Path, path: Path) -> Bag:
+    """Open a bag by its MCAP file, whether or not somebody has that open. Otherwise as :func:`read_bag`."""
     announced = read_counts(directory)
     contents = Contents(path)
     counts: dict[str, TopicCount] = defaultdict(TopicCount)
@@ -146,15 +155,26 @@ def read_bag(directory: Path) -> Bag:
     check_origin(contents)
     topics = {topic: counts[topic.name] for topic in contents.topics.values()}
     found = {topic.name: count.messages for topic, count in topics.items()}
-    if found != announced:
-        odd = next(name for name in [*found, *announced] if found.get(name) != announced.get(name))
-        raise BagError(
-            f"{directory}: {odd}",
-            f"{found.get(odd, 0)} messages in the .mcap file, {announced.get(odd, 0)} in {FILE_NAME}",
-            "the same number",
-            f"etac recover {directory}",
-        )
+    _compare(directory, found, announced, FILE_NAME)
+    if contents.announced is not None:
+        in_statistics = dict.fromkeys(found, 0)
+        for channel, messages in contents.announced.items():
+            name = contents.topics[channel].name if channel in contents.topics else f"channel {channel}"
+            in_statistics[name] = in_statistics.get(name, 0) + messages
+        _compare(directory, found, in_statistics, "its statistics")
     return Bag(directory, path, topics, contents.metadata, contents.attachments)
+
+
+def _compare(directory: Path, found: Mapping[str, int], announced: Mapping[str, int], where: str) -> None:
+    if found == announced:
+        return
+    odd = next(name for name in [*found, *announced] if found.get(name) != announced.get(name))
+    raise BagError(
+        f"{directory}: {odd}",
+        f"{found.get(odd, 0)} messages in the .mcap file, {announced.get(odd, 0)} in {where}",
+        "the same number",
+        f"etac recover {directory}",
+    )
 
 
 def check_origin(contents: Contents) -> None:

@@ -2,7 +2,7 @@
 
 mcap's own readers start from the index at the end of a file, or trust every length they meet. A bag that was
 cut off has no index, and one that was damaged has lengths that lie; so the records are walked here, and mcap
-only reads what is in them.
+only reads what is in them. Nothing that a file says makes it take more memory or time than the limits below.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import BinaryIO, NamedTuple
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
+from etac_ros.bag.compression import MOST_CHUNK_BYTES, expanded
 from etac_ros.errors import BagError
 
 _HEAD = struct.Struct("<BQ")
@@ -25,6 +26,9 @@ _INDEX = struct.Struct("<HI")
 _INDEX_ENTRY_BYTES = 16
 _LENGTH32 = struct.Struct("<I")
 _LENGTH64 = struct.Struct("<Q")
+_MOST_RECORD_BYTES = 256 * 1024 * 1024
+_MOST_EXPANSION = 1000
+"""So many times the size of its file all chunks may come to, beyond one chunk: what does not end is no recording."""
 
 
 class DamagedBagError(BagError):
@@ -78,13 +82,18 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
     crc = zlib.crc32(magic)
     offset = len(magic)
     not_indexed = 0
+    allowance = MOST_CHUNK_BYTES + _MOST_EXPANSION * size
     while True:
         head = file.read(_HEAD.size)
         if len(head) < _HEAD.size:
             raise damaged(path, offset, "the file was cut off here")
         opcode, length = _HEAD.unpack(head)
+        if opcode == 0:
+            raise damaged(path, offset, "no record begins here")
         if length > size - offset - _HEAD.size:
             raise damaged(path, offset, "the file was cut off within this record")
+        if length > _MOST_RECORD_BYTES:
+            raise damaged(path, offset, f"this record has {length} bytes, more than {_MOST_RECORD_BYTES}")
         record = Record(opcode, offset, file.read(length), in_chunk=False)
         if len(record.content) < length:  # shortened while it was read
             raise damaged(path, offset, "the file was cut off within this record")
@@ -100,7 +109,11 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
             crc = zlib.crc32(record.content, zlib.crc32(head, crc))
         if opcode == Opcode.CHUNK:
             not_indexed = 0
-            for inner in _unpacked(record, path):
+            data, start = _unpacked(record, path)
+            allowance -= len(data)
+            if allowance < 0:
+                raise damaged(path, offset, f"its chunks expand to more than {_MOST_EXPANSION} times its size")
+            for inner in _inner(data, start, path):
                 not_indexed += inner.opcode == Opcode.MESSAGE
                 yield inner
         else:
@@ -130,22 +143,29 @@ def _compare(record: Record, place: int, crc: int, path: Path) -> None:
         raise damaged(path, record.offset, "the checksum of what stands before is wrong")
 
 
-def _unpacked(chunk: Record, path: Path) -> Iterator[Record]:
+def _unpacked(chunk: Record, path: Path) -> tuple[bytes, int]:
+    """The records in a chunk, expanded and checked, and their place in the file for messages about them."""
     try:
-        _, _, _, crc = _CHUNK.unpack_from(chunk.content)
+        _, _, size, crc = _CHUNK.unpack_from(chunk.content)
         (named,) = _LENGTH32.unpack_from(chunk.content, _CHUNK.size)
         place = _CHUNK.size + _LENGTH32.size
         compression = chunk.content[place : place + named]
         (length,) = _LENGTH64.unpack_from(chunk.content, place + named)
-    except struct.error:
+    except (struct.error, OverflowError):
         raise damaged(path, chunk.offset, "this chunk is too short") from None
-    if compression:
-        raise BagError(str(path), "its chunks are compressed", "chunks as etac_ros writes them", "mcap decompress")
     place += named + _LENGTH64.size
     data = chunk.content[place : place + length]
+    if compression:
+        try:
+            data = expanded(compression, data, size)
+        except ValueError as error:
+            raise damaged(path, chunk.offset, str(error)) from None
     if crc not in (0, zlib.crc32(data)):
         raise damaged(path, chunk.offset, "the checksum of this chunk is wrong")
-    start = chunk.offset + _HEAD.size + place
+    return data, chunk.offset + _HEAD.size + place
+
+
+def _inner(data: bytes, start: int, path: Path) -> Iterator[Record]:
     place = 0
     while place < len(data):
         if len(data) - place < _HEAD.size:

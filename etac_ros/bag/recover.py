@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from etac_ros.bag.contents import Contents, mcap_file
+from etac_ros.bag.lock import alone_with
 from etac_ros.bag.metadata import FILE_NAME
-from etac_ros.bag.read import check_origin, read_bag
+from etac_ros.bag.read import check_origin, read_file
 from etac_ros.bag.records import DamagedBagError
 from etac_ros.bag.run_metadata import RECOVERED
 from etac_ros.bag.write import BagWriter, check_writable
@@ -58,11 +59,17 @@ def recover(directory: Path, output: Path | None = None) -> RecoverReport:
     Raises
     ------
     BagError
-        If there is no bag, not one message of it is whole, or the repaired one cannot be written.
+        If there is no bag, somebody still writes it, not one message of it is whole, or the repaired one cannot be
+        written.
     """
     path = mcap_file(directory)
+    with alone_with(path):
+        return _recovered(directory, path, output)
+
+
+def _recovered(directory: Path, path: Path, output: Path | None) -> RecoverReport:
     try:
-        bag = read_bag(directory)
+        bag = read_file(directory, path)
     except BagError as error:
         found = error.found
     else:

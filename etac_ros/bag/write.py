@@ -13,6 +13,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
 from etac_ros.bag.definitions import OFFERED_QOS_YAML, schema_text, type_hash
+from etac_ros.bag.lock import hold
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
 from etac_ros.bag.reserve import claim, is_reserved
 from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
@@ -21,6 +22,7 @@ from etac_ros.errors import BagError
 
 _CHUNK_BYTES = 64 * 1024
 _FLUSH_AFTER_S = 0.5
+_WANTED = "a bag directory that is not there yet, in a place that may be written to"
 
 
 def check_writable(directory: Path) -> None:
@@ -31,18 +33,24 @@ def check_writable(directory: Path) -> None:
     BagError
         If something stands there already, or nothing may be created there.
     """
-    wanted = "a bag directory that is not there yet, in a place that may be written to"
     if os.path.lexists(directory) and not is_reserved(directory):
-        raise BagError(str(directory), "exists already", wanted, "choose another, or remove it")
+        raise _occupied(directory)
     parent = next(path for path in directory.absolute().parents if os.path.lexists(path))
     if not parent.is_dir():
-        raise BagError(str(directory), f"{parent} is no directory", wanted, "choose another")
+        raise BagError(str(directory), f"{parent} is no directory", _WANTED, "choose another")
     if not os.access(parent, os.W_OK | os.X_OK):
-        raise BagError(str(directory), f"{parent} may not be written to", wanted, "choose another")
+        raise BagError(str(directory), f"{parent} may not be written to", _WANTED, "choose another")
+
+
+def _occupied(directory: Path) -> BagError:
+    return BagError(str(directory), "exists already", _WANTED, "choose another, or remove it")
 
 
 class BagWriter:
     """Writes one bag. Whatever was flushed survives a killed process.
+
+    It makes the directory itself, so two writers never share one, and keeps a lock on the file until it is closed,
+    so nobody repairs what is still being written.
 
     Parameters
     ----------
@@ -85,7 +93,10 @@ class BagWriter:
         try:
             claim(directory)
             self._file = self._mcap_path.open("xb")
+            hold(self._file)
             self._mcap = self._begin(attachments)
+        except FileExistsError:
+            raise _occupied(directory) from None
         except OSError as error:
             raise self._failed(error) from error
         self._channels = self._announce(definitions)
@@ -101,7 +112,7 @@ class BagWriter:
         cdr
             The serialized message as it came off the wire.
         log_time_ns, publish_time_ns
-            Simulated time of its tick, and of its step (:mod:`etac_ros.bag.clock`).
+            Simulated time of its tick and step, and of its tick (:mod:`etac_ros.bag.clock`).
         sequence
             Its number on the topic: 1, 2, ...
 

@@ -9,6 +9,7 @@ from rclpy.context import Context
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.clock import log_time_ns
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
@@ -175,8 +176,8 @@ class RecorderNode(RunNode):
         self.settle()
 
     def _write(self, topic: str, data: bytes, tick: int, step: int, sequence: int) -> None:
-        log_time = nanoseconds(tick, self.plan.graph.ticks_per_second)
-        self._bag().write(topic, data, log_time, log_time + step, sequence)
+        published = nanoseconds(tick, self.plan.graph.ticks_per_second)
+        self._bag().write(topic, data, log_time_ns(published, step), published, sequence)
         count = self._written.setdefault(topic, Count())
         count.messages += 1
         count.cdr_bytes += len(data)
