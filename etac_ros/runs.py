@@ -18,8 +18,9 @@ from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
+from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.topics import TopicDescription, recorded_topics
-from etac_ros.bag.write import BagWriter, check_writable
+from etac_ros.bag.write import check_writable
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import BagError, RunHalted, ScenarioError
@@ -31,6 +32,7 @@ from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
+from etac_ros.scenario.trust import foreign_classes
 from etac_ros.timing.windows import WindowPolicy
 
 _WARM_UP_TICKS = 40
@@ -123,11 +125,12 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
     }
 
 
-def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> BagWriter:
+def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside."""
-    topics = (*recorded_topics(scenario.graph), *extra)
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
-    return BagWriter(directory, topics, attachments, bag_metadata(scenario, engine))
+    # A graph of its own: laws with memory are folded over the samples in it.
+    derive_with = scenario.build() if foreign_classes(scenario.nodes) else None
+    return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
 
 
 def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
@@ -184,7 +187,8 @@ def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None)
     ended = time.perf_counter()
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
-        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments)
+        derive_with = scenario.build() if foreign_classes(scenario.nodes) else None
+        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments, derive_with)
     summary = summarise(
         scenario,
         graph,
@@ -403,7 +407,7 @@ def _serve_run(
     return run_over_ros(scenario, bag, options, on_progress, lambda pids: tell("start", pids)).summary
 
 
-def _no_bag() -> BagWriter:
+def _no_bag() -> RunBag:
     raise AssertionError("only the part with the recorder writes a bag")
 
 
@@ -417,12 +421,6 @@ def make_readable(bag: Path) -> None:
         print(f"the bag of the failed run could not be repaired: {error}")
 
 
-def scenario_in(bag: Path, folder: Path) -> Scenario:
-    """The scenario that a bag carries, loaded from a copy of its parameter file in ``folder``."""
-    text = read_bag(bag).attachments[SCENARIO_ATTACHMENT]
-    path = folder / SCENARIO_ATTACHMENT
-    path.write_bytes(text)
-    return load(str(path))
 
 
 def _plane(sent: dict[str, tuple[int, int]]) -> dict[str, tuple[str, int, int]]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from toy import Ramp, RampParameters
 
 from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
@@ -17,7 +18,8 @@ from etac_ros.bag.write import BagWriter
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph, Link, LinkKind
-from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.module import Context
+from etac_ros.graph.plant import PlantModule, PlantModuleParameters
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.graph.truth import MOST_SAMPLES, pack_truth, unpack_truth
 from etac_ros.graph.wire import Wire, WireFormat
@@ -41,8 +43,13 @@ def toy_graph(ticks_per_second):
         name: Link(name, f"/sm/{name}", KINDS[i % 3], "/sender", "out", {}, wire, Channel(1, name))
         for i, (name, wire) in enumerate(WIRES.items())
     }
-    bare = PlantModule.__new__(PlantModule)  # only its class is looked at here
-    return Graph(dict.fromkeys(PLANTS, bare), {}, links, ticks_per_second, 10**9)
+    modules = {
+        name: PlantModule(
+            Context(name, ticks_per_second, 1), PlantModuleParameters(), Ramp(RampParameters(), ticks_per_second)
+        )
+        for name in PLANTS
+    }
+    return Graph(modules, {}, links, ticks_per_second, 10**9)
 
 
 @st.composite

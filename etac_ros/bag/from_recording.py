@@ -8,9 +8,8 @@ from pathlib import Path
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
-from etac_ros.bag.run_metadata import TICKS_PER_SECOND
-from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
-from etac_ros.bag.write import BagWriter
+from etac_ros.bag.run_bag import RunBag
+from etac_ros.bag.topics import link_topic, truth_topic
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.truth import MOST_SAMPLES
@@ -25,6 +24,7 @@ def write_recording(
     recording: Recording,
     metadata: Mapping[str, str],
     attachments: Mapping[str, bytes],
+    derive_with: Graph | None = None,
 ) -> None:
     """Write all messages and all truth of a run, in the order in which things happened.
 
@@ -36,8 +36,8 @@ def write_recording(
         The graph that ran.
     recording
         What it left behind.
-    metadata, attachments
-        As for :class:`~etac_ros.bag.write.BagWriter`; ``ticks_per_second`` is added from the graph.
+    metadata, attachments, derive_with
+        As for :class:`~etac_ros.bag.run_bag.RunBag`.
 
     Raises
     ------
@@ -46,10 +46,10 @@ def write_recording(
     """
     rate = graph.ticks_per_second
     entries = sorted(_messages(graph, recording) + _truth(graph, recording), key=lambda entry: entry[0])
-    complete = {**metadata, TICKS_PER_SECOND: str(rate)}
-    with BagWriter(directory, recorded_topics(graph), attachments, complete) as writer:
+    with RunBag(directory, graph, attachments, metadata, derive_with=derive_with) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
             published = tick_time_ns(tick, rate)
+            writer.placed_until(published)  # they are sorted
             writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
 
 

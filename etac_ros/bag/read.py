@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from etac_ros.bag.clock import tick_of
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
@@ -18,6 +20,9 @@ from etac_ros.bag.topics import TopicDescription
 from etac_ros.errors import BagError
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.parameters import FloatArray
+
+_Chunks = dict[str, list[tuple[int, FloatArray]]]
+"""First tick and samples of each part, by node."""
 
 
 @dataclass
@@ -84,25 +89,46 @@ class Bag:
             If a message does not fit its topic or the tick grid, a sequence number stands twice, or the truth
             of a plant has gaps.
         """
+        return self._everything()[0]
+
+    def recording_and_derived(self) -> tuple[Recording, dict[str, FloatArray]]:
+        """The recording, and by node what was derived of its plant's truth: a row a sample, for the samples there are.
+
+        Raises
+        ------
+        BagError
+            As :meth:`recording`, and likewise for what was derived.
+        """
+        recording, derived = self._everything()
+        rows = {}
+        for node, chunks in derived.items():
+            self._check_continuous(f"derived of {node}", chunks)
+            rows[node] = np.concatenate([samples for _, samples in chunks]) if chunks else np.empty((0, 0))
+        return recording, rows
+
+    def _everything(self) -> tuple[Recording, _Chunks]:
         links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
-        truth: dict[str, list[tuple[int, FloatArray]]] = {t.plant: [] for t in self.topics if t.plant is not None}
+        truth: _Chunks = {t.plant: [] for t in self.topics if t.plant is not None}
+        derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None}
         for raw in self.messages():
+            topic = raw.topic
             try:
-                if raw.topic.link is not None:
-                    links[raw.topic.link].append(self._message(raw))
-                elif raw.topic.plant is not None:
-                    truth[raw.topic.plant].append(self._samples(raw))
+                if topic.link is not None:
+                    links[topic.link].append(self._message(raw))
+                elif topic.plant is not None:
+                    truth[topic.plant].append(self._samples(raw))
+                elif topic.derived is not None:
+                    derived[topic.derived].append(self._samples(raw))
             except ValueError as error:
-                raise self._unfit(raw.topic.name, f"message {raw.sequence}: {error}") from None
+                raise self._unfit(topic.name, f"message {raw.sequence}: {error}") from None
         for link, messages in links.items():
             messages.sort(key=lambda message: message.sequence)
             for before, after in pairwise(messages):
                 if before.sequence == after.sequence:
                     raise self._unfit(f"link {link}", f"message {after.sequence} stands there twice")
         for plant, chunks in truth.items():
-            chunks.sort(key=lambda chunk: chunk[0])
-            self._check_continuous(plant, chunks)
-        return Recording(messages=links, truth=truth)
+            self._check_continuous(f"truth of {plant}", chunks)
+        return Recording(messages=links, truth=truth), derived
 
     def _message(self, raw: RawMessage) -> Message:
         tick = tick_of(raw.tick_time_ns, self.ticks_per_second)
@@ -116,13 +142,15 @@ class Bag:
             raise ValueError(f"it is logged at tick {logged} and ends with tick {last}")
         return first, samples
 
-    def _check_continuous(self, plant: str, chunks: list[tuple[int, FloatArray]]) -> None:
+    def _check_continuous(self, what: str, chunks: list[tuple[int, FloatArray]]) -> None:
+        """Put chunks in order, and make sure that they join."""
+        chunks.sort(key=lambda chunk: chunk[0])
         for (first, samples), (following, next_samples) in pairwise(chunks):
             due = first + samples.shape[0]
             if following != due:
-                raise self._unfit(f"truth of {plant}", f"tick {following} stands where tick {due} should")
+                raise self._unfit(what, f"tick {following} stands where tick {due} should")
             if next_samples.shape[1] != samples.shape[1]:
-                raise self._unfit(f"truth of {plant}", f"the number of states changes at tick {following}")
+                raise self._unfit(what, f"the number of states changes at tick {following}")
 
     def _unfit(self, what: str, found: str) -> BagError:
         return BagError(f"{self.path}: {what}", found, "the messages of one run, each once, without gaps")

@@ -10,15 +10,16 @@ from etac_ros.graph import topics
 from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.wire import TABLE_TYPE
 
-TopicKind = Literal["network", "internal", "physical", "emulation"]
-"""The kinds of link, and ``emulation`` for what only the simulation needs."""
+TopicKind = Literal["network", "internal", "physical", "emulation", "derived"]
+"""The kinds of link, ``emulation`` for what only the simulation needs, and ``derived`` for what was computed of truth
+while it was recorded, and never sent."""
 
 _KIND_OF_LINK: dict[LinkKind, TopicKind] = {
     LinkKind.NETWORK: "network",
     LinkKind.INTERNAL: "internal",
     LinkKind.PHYSICAL: "physical",
 }
-_KIND, _LINK, _PLANT = "etac_ros.kind", "etac_ros.link", "etac_ros.plant"
+_KIND, _LINK, _PLANT, _DERIVED = "etac_ros.kind", "etac_ros.link", "etac_ros.plant", "etac_ros.derived"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,8 @@ class TopicDescription:
         The link whose messages these are; None for any other topic.
     plant
         The plant whose committed samples (truth) these are; None for any other topic, windows included.
+    derived
+        The node of which this was derived (:mod:`etac_ros.bag.derived`); None for any other topic.
     """
 
     name: str
@@ -42,6 +45,7 @@ class TopicDescription:
     kind: TopicKind
     link: str | None = None
     plant: str | None = None
+    derived: str | None = None
 
 
 def link_topic(link: Link) -> TopicDescription:
@@ -54,6 +58,11 @@ def truth_topic(plant: str) -> TopicDescription:
     return TopicDescription(topics.truth_topic(plant), TABLE_TYPE, "emulation", plant=plant)
 
 
+def derived_topic(node: str) -> TopicDescription:
+    """Describe the topic of what is derived of a plant's samples for a node, given its full name."""
+    return TopicDescription(f"{EMULATION}/{node.lstrip('/')}/derived", TRUTH_TYPE, "derived", derived=node)
+
+
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     """Describe what every bag of a graph holds: its links, then the truth of its plants."""
     links = tuple(link_topic(link) for link in graph.links.values())
@@ -62,7 +71,7 @@ def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:
 
 def to_channel_metadata(topic: TopicDescription) -> dict[str, str]:
     """Make the keys that tell a topic's part in the run; they stand in the metadata of its MCAP channel."""
-    keys = {_KIND: topic.kind, _LINK: topic.link, _PLANT: topic.plant}
+    keys = {_KIND: topic.kind, _LINK: topic.link, _PLANT: topic.plant, _DERIVED: topic.derived}
     return {key: value for key, value in keys.items() if value is not None}
 
 
@@ -70,5 +79,6 @@ def from_channel_metadata(name: str, type_name: str, metadata: Mapping[str, str]
     """Read the keys back: the inverse of :func:`to_channel_metadata`; None if they are not there."""
     for kind in get_args(TopicKind):
         if metadata.get(_KIND) == kind:
-            return TopicDescription(name, type_name, kind, metadata.get(_LINK), metadata.get(_PLANT))
+            parts = (metadata.get(key) for key in (_LINK, _PLANT, _DERIVED))
+            return TopicDescription(name, type_name, kind, *parts)
     return None

@@ -13,6 +13,7 @@ from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.metrics.published import families, label, stands_alone
 from etac_ros.metrics.summary import PublishedValue, Summary
+from etac_ros.plain_text import one_line
 from etac_ros.scenario.load import Scenario
 
 _NARROWEST = 124
@@ -196,11 +197,11 @@ def show_bag(bag: Path, console: Console) -> None:
         soft_wrap=True,
     )
     for key, value in described.metadata.items():
-        console.print(f"  {key}: {value}")
+        console.print(f"  {one_line(key)}: {one_line(value)}")
     table = _topic_table("kind", "first [s]", "last [s]")
     for row in described.topics:
         payload = row.payload_bytes if row.kind in ("network", "internal") else 0
-        cells = _topic_row(row.topic, row.type_name, row.messages, payload, row.cdr_bytes)
+        cells = _topic_row(one_line(row.topic), one_line(row.type_name), row.messages, payload, row.cdr_bytes)
         table.add_row(*cells, row.kind, _time(row.first_s), _time(row.last_s))
     console.print(table)
 
@@ -211,9 +212,9 @@ def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
     if report.nothing_to_do:
         console.print(f"{report.bag}: is whole, nothing to do", soft_wrap=True)
         return
-    console.print(f"{report.bag}: {report.found}; saved", soft_wrap=True)
+    console.print(f"{report.bag}: {one_line(report.found)}; saved", soft_wrap=True)
     for topic, messages in report.messages.items():
-        console.print(f"  {messages:8,} messages of {topic}")
+        console.print(f"  {messages:8,} messages of {one_line(topic)}")
     if report.original is not None:
         console.print(f"the file as it was found is kept: {report.original}", soft_wrap=True)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 from etac_ros import __version__
+from etac_ros.plain_text import one_line
 from etac_ros.report import tables
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Rendered
@@ -30,7 +31,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
     parts = [
         "<header>",
         f'<p class="kicker">{_line(_kicker(view))}</p>',
-        f"<h1>{escape(title)}</h1>",
+        f"<h1>{_line(title)}</h1>",
         f'<p class="lead">{_line(lead(view))}</p>',
         "</header>",
         *(f'<p class="remark">{_line(remark)}</p>' for remark in tables.remarks(view)),
@@ -64,7 +65,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
             '<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
-            f"<title>{escape(title)}</title>",
+            f"<title>{_line(title)}</title>",
             f"<style>\n{STYLESHEET}\n</style>",
             "</head>",
             "<body>",
@@ -179,7 +180,7 @@ def _figure(view: View, figure: Drawn, number: int) -> str:
             "<picture>",
             f'<source media="screen and (prefers-color-scheme: dark)" srcset="{_data(figure.files.dark)}">',
             f'<img src="{_data(figure.files.light)}" width="{width}" height="{height}" '
-            f'alt="{escape(f"{kind.title}. {caption}")}">',
+            f'alt="{escape(one_line(f"{kind.title}. {caption}"))}">',
             "</picture>",
             "</div>",
             f"<figcaption><b>Figure {number}. {_line(kind.title)}.</b> {_line(caption + shown)}</figcaption>",
@@ -193,7 +194,7 @@ def _data(png: bytes) -> str:
 
 
 def _line(text: str) -> str:
-    return escape(text, quote=False)
+    return escape(one_line(text), quote=False)
 
 
 def _class(text: bool, wide: bool = False) -> str:

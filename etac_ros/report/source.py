@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, RunDescription, from_json
 from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.run_metadata import RECOVERED
+from etac_ros.bag.stand_ins import stand_in_graph
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve, energy, held_inputs, last_tick
+from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.published import watches_of_module
 from etac_ros.metrics.summary import Summary, Timing, summarise
+from etac_ros.parameters import FloatArray
 from etac_ros.plants.watch import Watch
-from etac_ros.runs import SCENARIO_ATTACHMENT, scenario_in
-from etac_ros.scenario.load import Scenario
+from etac_ros.report.plausible import check_fit
+from etac_ros.runs import SCENARIO_ATTACHMENT
+from etac_ros.scenario.classes import ForeignClassError
+from etac_ros.scenario.load import Scenario, load, read_resolved
+from etac_ros.scenario.schema import Published
+from etac_ros.scenario.trust import foreign_classes, own_classes_only
+
+_MOST_SHOWN = 80
+_TRUST = "etac report --trust, if you trust the classes that the bag names: their code is run"
+_NOT_OURS = "draw a bag that etac_ros recorded; this one was changed"
 
 
 @dataclass(frozen=True)
@@ -40,6 +53,12 @@ class ReportedRun:
         Counts, triggers and performance. What a bag cannot know (wall time, memory) is zero or empty.
     metadata
         What the bag says of its run.
+    overrides
+        What ``--set`` changed.
+    kinds_of_plants
+        Class of the dynamics of each plant.
+    left_out
+        A sentence on what is not shown since classes of others were not imported; empty if nothing is left out.
     """
 
     scenario: Scenario
@@ -47,22 +66,14 @@ class ReportedRun:
     recording: Recording
     summary: Summary
     metadata: dict[str, str]
-
-    @property
-    def overrides(self) -> dict[str, Any]:
-        """What ``--set`` changed."""
-        found = json.loads(self.metadata.get("overrides") or "{}")
-        return found if isinstance(found, dict) else {}
+    overrides: dict[str, Any]
+    kinds_of_plants: dict[str, str]
+    left_out: str = ""
 
     @property
     def is_baseline(self) -> bool:
         """Whether this is the run that its scenario compares itself with."""
         return self.scenario.variant is not None and self.scenario.variant == self.scenario.run.baseline
-
-    @property
-    def kinds_of_plants(self) -> dict[str, str]:
-        """Class of the dynamics of each plant."""
-        return {plant: str(self.scenario.nodes[plant]["dynamics"]["class"]) for plant in self.graph.plants}
 
     @cached_property
     def watches(self) -> dict[str, tuple[int, tuple[Watch, ...]]]:
@@ -96,20 +107,50 @@ class ReportedRun:
         return self.metadata.get(RECOVERED, "")
 
 
-def read_run(bag: Path) -> ReportedRun:
+def read_run(bag: Path, trust: bool = False) -> ReportedRun:
     """Read all that a report needs from a bag.
+
+    Parameters
+    ----------
+    bag
+        Directory of the bag.
+    trust
+        Whether to import classes that are not of etac_ros, if the scenario in the bag names any.
 
     Raises
     ------
     BagError
         If it is no whole bag of etac_ros, carries no scenario or one that cannot be loaded here, or holds no
-        samples.
+        samples, or numbers that are those of no run.
     """
     found = read_bag(bag)
-    scenario = _scenario(bag, found)
-    graph = scenario.build()
-    recording = found.recording()
-    _check_fit(bag, graph, recording)
+    if SCENARIO_ATTACHMENT not in found.attachments:
+        names = ", ".join(found.attachments) or "none"
+        raise BagError(
+            str(bag),
+            f"there is no attachment {SCENARIO_ATTACHMENT} in it (attachments: {names})",
+            "a bag that carries the scenario of its run",
+            "record the run anew with etac run, or with the node /recorder",
+        )
+    recording, derived = found.recording_and_derived()
+    left_out = ""
+    try:
+        with nullcontext() if trust else own_classes_only():
+            scenario = _scenario(bag, found, load)
+            graph = scenario.build()
+    except ForeignClassError as foreign:
+        scenario = _scenario(bag, found, read_resolved)
+        graph, description = _without_classes(bag, found, recording, derived, foreign)
+        kinds = {plant: description.nodes[plant].cls for plant in graph.plants}
+        names = ", ".join(foreign_classes(scenario.nodes))
+        left_out = (
+            f"this bag names classes that are not of etac_ros ({names}), which were not imported. What trigger rules "
+            "compared is left out; etac report --trust shows it, and runs their code."
+        )
+    else:
+        kinds = {plant: str(scenario.nodes[plant]["dynamics"]["class"]) for plant in graph.plants}
+    scenario = _with_figures_that_can_be_had(scenario, graph)
+    check_fit(bag, found, graph, recording)
     engine = found.metadata.get("engine", "")
     summary = summarise(
         scenario,
@@ -120,14 +161,14 @@ def read_run(bag: Path) -> ReportedRun:
         plane={
             topic.name: (topic.type_name, count.messages, count.cdr_bytes)
             for topic, count in found.topics.items()
-            if topic.link is None
+            if topic.link is None and topic.derived is None
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
     )
-    return ReportedRun(scenario, graph, recording, summary, found.metadata)
+    return ReportedRun(scenario, graph, recording, summary, found.metadata, _overrides(bag, found), kinds, left_out)
 
 
-def read_other(bag: Path, run: ReportedRun) -> ReportedRun:
+def read_other(bag: Path, run: ReportedRun, trust: bool = False) -> ReportedRun:
     """Read the bag of a run that is laid over another.
 
     Raises
@@ -136,7 +177,7 @@ def read_other(bag: Path, run: ReportedRun) -> ReportedRun:
         As :func:`read_run`, and if the two are not of the same kinds of plants: their curves would have nothing in
         common. Other parameters of the plants do no harm; the page says which differ.
     """
-    other = read_run(bag)
+    other = read_run(bag, trust)
     if other.kinds_of_plants != run.kinds_of_plants:
         raise BagError(
             f"{bag}",
@@ -168,18 +209,26 @@ def _named(kinds: Mapping[str, str]) -> str:
     return ", ".join(f"{plant} ({kind})" for plant, kind in kinds.items())
 
 
-def _scenario(bag: Path, found: Bag) -> Scenario:
-    if SCENARIO_ATTACHMENT not in found.attachments:
-        names = ", ".join(found.attachments) or "none"
-        raise BagError(
-            str(bag),
-            f"there is no attachment {SCENARIO_ATTACHMENT} in it (attachments: {names})",
-            "a bag that carries the scenario of its run",
-            "record the run anew with etac run, or with the node /recorder",
-        )
+def _overrides(bag: Path, found: Bag) -> dict[str, Any]:
+    text = found.metadata.get("overrides") or "{}"
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        values = None
+    if not isinstance(values, dict):
+        shown = text if len(text) < _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+        raise BagError(f"{bag}: overrides", f"found {shown}", "values by key, as JSON", _NOT_OURS)
+    return values
+
+
+def _scenario(bag: Path, found: Bag, read: Callable[[str], Scenario]) -> Scenario:
     with TemporaryDirectory() as folder:
+        path = Path(folder, SCENARIO_ATTACHMENT)
+        path.write_bytes(found.attachments[SCENARIO_ATTACHMENT])
         try:
-            return scenario_in(bag, Path(folder))
+            scenario = read(str(path))
+        except ForeignClassError:
+            raise
         except ScenarioError as error:
             # The path of the copy would mean nothing to the reader: it is gone by now.
             reason = f"{error.where}: {error.found}".replace(f"{folder}/", "")
@@ -190,21 +239,43 @@ def _scenario(bag: Path, found: Bag) -> Scenario:
                 f"the classes and keys that etac_ros {version} had when it recorded the run",
                 "draw it where it was recorded, or put the packages that it names on PYTHONPATH",
             ) from None
+        except (RecursionError, OverflowError, ValueError, TypeError, LookupError, AttributeError) as error:
+            reason = f"it makes no sense ({type(error).__name__}: {error})".replace(f"{folder}/", "")
+            raise BagError(f"{bag}: {SCENARIO_ATTACHMENT}", reason, "the scenario of a run", _NOT_OURS) from error
+    return scenario
 
 
-def _check_fit(bag: Path, graph: Graph, recording: Recording) -> None:
-    for link in graph.links:
-        if link not in recording.messages:
-            raise BagError(f"{bag}: link {link}", "is not in the bag", "every link of the scenario in it")
-    for plant in graph.plants:
-        _, states = recording.samples(plant)
-        if states.shape[0] == 0:
-            raise BagError(
-                f"{bag}: {plant}",
-                "there is not one committed sample of this plant",
-                "a run of at least one tick",
-                "record the run anew",
-            )
-        width = graph.modules[plant].state.size  # type: ignore[attr-defined]  # a PlantModule
-        if states.shape[1] != width:
-            raise BagError(f"{bag}: {plant}", f"samples of {states.shape[1]} states", f"samples of {width} states")
+def _without_classes(
+    bag: Path, found: Bag, recording: Recording, derived: dict[str, FloatArray], foreign: ForeignClassError
+) -> tuple[Graph, RunDescription]:
+    """The graph as the bag describes it, in the place of the one that only the classes could build."""
+    if DESCRIPTION_ATTACHMENT not in found.attachments:
+        raise BagError(
+            f"{bag}: {SCENARIO_ATTACHMENT}",
+            f"{foreign.found}, and the bag does not describe its run without it (no attachment "
+            f"{DESCRIPTION_ATTACHMENT})",
+            "a bag of which everything is known without importing anything",
+            _TRUST,
+        )
+    try:
+        description = from_json(found.attachments[DESCRIPTION_ATTACHMENT])
+        return stand_in_graph(description, recording, derived), description
+    except ValueError as error:
+        where, wanted = f"{bag}: {DESCRIPTION_ATTACHMENT}", "a description of the run that fits the rest of the bag"
+        raise BagError(where, str(error), wanted, _TRUST) from None
+
+
+def _with_figures_that_can_be_had(scenario: Scenario, graph: Graph) -> Scenario:
+    """The scenario without the published figures of which this graph could not tell a measured one."""
+    kept = {}
+    for name, figure in scenario.published.items():
+        try:
+            check_figures({name: figure}, graph, name)
+        except ScenarioError:
+            continue
+        kept[name] = figure
+    if len(kept) == len(scenario.published):
+        return scenario
+    whole = scenario.run.published
+    published = Published.model_construct(source=whole.source, shown_in=whole.shown_in, **kept)
+    return replace(scenario, run=scenario.run.model_copy(update={"published": published}))

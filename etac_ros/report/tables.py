@@ -228,6 +228,8 @@ def remarks(view: View) -> tuple[str, ...]:
     found = []
     for number, (run, heading) in enumerate(zip(view.runs, view.labels, strict=True)):
         whose = f"{heading[:1].upper()}{heading[1:]}" if number == 0 else f"The run '{heading}'"
+        if run.left_out:
+            found.append(f"{whose}: {run.left_out}")
         if run.was_recovered:
             found.append(f"{whose}: the bag had been cut off and was repaired ({run.was_recovered}).")
         if not run.is_complete:

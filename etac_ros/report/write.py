@@ -26,7 +26,7 @@ class ReportError(EtacError):
     """A report cannot be written."""
 
 
-def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = None) -> Path:
+def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = None, *, trust: bool = False) -> Path:
     """Draw a report from bags alone: one PNG file a figure, and one page that holds them all.
 
     Parameters
@@ -37,6 +37,9 @@ def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = N
         Bags of runs of the same plants to lay over it: its baseline, other variants, other controllers.
     output
         Folder of the report, made if it is not there; None is ``BAG/report``.
+    trust
+        Whether to import classes that are not of etac_ros, if the scenario in a bag names any: that runs their code.
+        Without them the report leaves out what only they can tell.
 
     Returns
     -------
@@ -50,8 +53,8 @@ def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = N
     ReportError
         If the folder cannot be written to.
     """
-    run = read_run(bag)
-    view = View(run, tuple(read_other(other, run) for other in others))
+    run = read_run(bag, trust)
+    view = View(run, tuple(read_other(other, run, trust) for other in others))
     folder = bag / "report" if output is None else output
     try:
         # Before drawing, which takes seconds: they should not be lost on a folder that cannot be written to.

@@ -19,12 +19,17 @@ from etac_ros.graph.promises import failed_in_etac_ros, failure, users_traceback
 from etac_ros.graph.role import Role
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
+from etac_ros.scenario.trust import is_own, may_import
 from etac_ros.triggers.rule import AnyRule
 from etac_ros.triggers.timing import RuleTiming, timed
 
 Model = TypeVar("Model", bound=BaseModel)
 _MOST_FAULTS = 30
 """Faults that are listed; a file of millions has as many."""
+
+
+class ForeignClassError(ScenarioError):
+    """A file names a class that is not of etac_ros, where nobody said that it may be imported."""
 
 
 def import_class(path: str, where: str) -> type:
@@ -38,6 +43,8 @@ def import_class(path: str, where: str) -> type:
     module_name, colon, class_name = path.partition(":")
     if not colon or not module_name or not class_name:
         raise ScenarioError(where, f"found '{path}'", "a class as package.module:Class")
+    if not may_import(path):
+        raise ForeignClassError(where, f"'{path}' is no class of etac_ros", "", "import it only if you trust it")
     try:
         module = importlib.import_module(module_name)
     except (Exception, SystemExit) as error:  # a user's module can fail in any way at import
@@ -48,6 +55,8 @@ def import_class(path: str, where: str) -> type:
             "" if missing else users_traceback(error),
         ) from None  # fmt: skip
     found = getattr(module, class_name, None)
+    if isinstance(found, type) and is_own(path) and found.__module__ != module_name:
+        found = None  # it has only been imported there
     if not isinstance(found, type):
         names = [name for name, value in vars(module).items() if _is_of(value, module_name)]
         raise ScenarioError(where, f"'{module_name}' has no class '{class_name}'", choice(class_name, sorted(names)))

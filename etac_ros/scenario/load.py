@@ -210,6 +210,24 @@ def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -
     return load_files([name], variant, overrides)
 
 
+def read_resolved(name: str) -> Scenario:
+    """The scenario of a complete parameter file as data: no class that it names is imported.
+
+    Its nodes are as they stand there. It cannot be built before it was loaded by :func:`load`.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no scenario file, or what concerns the whole run is not valid.
+    """
+    path = Path(name)
+    sections = read_sections(path)
+    everywhere = {key: value for key, value in sections[EVERYWHERE].items() if key != "variants"}
+    run = validated(RunSection, everywhere, f"{path}: {EVERYWHERE}")
+    nodes: dict[str, Mapping[str, Any]] = {name: body for name, body in sections.items() if name != EVERYWHERE}
+    return Scenario(run.scenario, run, nodes, run.variant, {}, (), path)
+
+
 def load_files(names: Sequence[str], variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
     """Load a scenario from several parameter files, each laid over those before, as ROS does it.
 

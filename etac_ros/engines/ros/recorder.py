@@ -26,6 +26,10 @@ class Sink(Protocol):
         """Keep one message."""
         ...
 
+    def placed_until(self, tick_time_ns: int) -> None:
+        """Take note that all messages up to a simulated time are written, so that truth up to there may follow."""
+        ...
+
     def close(self) -> None:
         """Complete the bag."""
         ...
@@ -52,6 +56,7 @@ class RecorderNode(RunNode):
         self._written: dict[str, Count] = {}
         self._leave_notes: dict[str, dict[str, Any]] = {}
         self._tick = 0
+        self._logged = 0
         for link in plan.graph.links.values():
             self._hear(link)
         for plant in plan.graph.plants:
@@ -125,6 +130,7 @@ class RecorderNode(RunNode):
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
             self._acknowledge()
+            self._let_truth_follow()
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -154,8 +160,10 @@ class RecorderNode(RunNode):
         for name, number, tick, step in content["transits"]:
             self._places[name, number] = (tick, step)
             self._tick = max(self._tick, tick)
+            self._logged = max(self._logged, tick)
             self._sort_in(name, number)
         self._acknowledge()
+        self._let_truth_follow()
         self.settle()
 
     def _acknowledge(self) -> None:
@@ -170,6 +178,12 @@ class RecorderNode(RunNode):
         if key in self._waiting and key in self._places:
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
+
+    def _let_truth_follow(self) -> None:
+        """Say up to which tick every message is in the bag: before the last logged tick, and before any on its way."""
+        on_their_way = [tick for tick, _ in self._places.values()]
+        complete = min([self._logged, *on_their_way]) - 1
+        self._bag().placed_until(nanoseconds(complete, self.plan.graph.ticks_per_second))
 
     def _on_leave(self, content: Any, sequence: int) -> None:
         self._leave_notes[content["node"]] = content

@@ -44,9 +44,7 @@ def _angles(view: View) -> list[Quantity]:
 def _rates(view: View) -> list[Quantity]:
     """A plant of one's own may turn about fewer axes."""
     run = view.run
-    widths = [
-        body.rates(run.recording.samples(plant)[1][:1]).shape[1] for plant, body in curves.bodies(run.graph).values()
-    ]
+    widths = [curves.rate(run.graph, run.recording, row).values.shape[1] for row in curves.bodies(run.graph)]
     return _found(view, "rate error", "deg/s", ("x", "y", "z")[: max(widths)], curves.rate)
 
 

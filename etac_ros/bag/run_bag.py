@@ -1,0 +1,141 @@
+"""The bag of a run while it is recorded: messages first, truth behind them, and what is derived of the truth."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from etac_ros.bag.codec import decode_truth, encode_truth
+from etac_ros.bag.derived import derivations
+from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, describe_run, to_json
+from etac_ros.bag.run_metadata import TICKS_PER_SECOND
+from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
+from etac_ros.bag.write import BagWriter
+from etac_ros.graph.graph import Graph
+
+_MOST_HELD_BYTES = 1024 * 1024
+_HELD_FOR_S = 0.5
+
+
+class _Held(NamedTuple):
+    topic: str
+    cdr: bytes
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    since: float
+
+
+class RunBag:
+    """Writes the bag of one run.
+
+    Truth comes by itself, and a message only once its place in time is known. So truth waits, within limits of bytes
+    and time, until :meth:`placed_until` says that all messages up to its last tick are written: wherever the file
+    ends, the messages that led to the samples in it are there.
+
+    Parameters
+    ----------
+    directory
+        Created by this.
+    graph
+        What runs.
+    attachments, metadata
+        As for :class:`~etac_ros.bag.write.BagWriter`; the description of the run and ``ticks_per_second`` are added.
+    extra
+        Topics beyond those of the links and the truth.
+    derive_with
+        A graph of the same scenario that no engine runs. With it, what only its classes can compute of the samples
+        is recorded too. None where everybody has the classes.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be created.
+    RunError
+        If a class of the scenario cannot say what its samples mean.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        graph: Graph,
+        attachments: Mapping[str, bytes],
+        metadata: Mapping[str, str],
+        extra: Sequence[TopicDescription] = (),
+        derive_with: Graph | None = None,
+    ) -> None:
+        derived = () if derive_with is None else derivations(derive_with)
+        self._derived = {truth_topic(plant).name: [d for d in derived if d.plant == plant] for plant in graph.plants}
+        self._numbers = {d.node: 0 for d in derived}
+        description = describe_run(graph, {d.node: d.columns for d in derived})
+        self._held: deque[_Held] = deque()
+        self._held_bytes = 0
+        self._placed_ns = -1
+        self._writer = BagWriter(
+            directory,
+            (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived)),
+            {**attachments, DESCRIPTION_ATTACHMENT: to_json(description)},
+            {**metadata, TICKS_PER_SECOND: str(graph.ticks_per_second)},
+        )
+
+    def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
+        """Add one message, as :meth:`~etac_ros.bag.write.BagWriter.write` does; truth waits for its messages."""
+        if topic in self._derived:
+            self._held.append(_Held(topic, cdr, log_time_ns, publish_time_ns, sequence, time.monotonic()))
+            self._held_bytes += len(cdr)
+        else:
+            self._writer.write(topic, cdr, log_time_ns, publish_time_ns, sequence)
+        self._release()
+
+    def placed_until(self, tick_time_ns: int) -> None:
+        """Take note that all messages up to a simulated time [ns] are written: truth up to there may follow."""
+        self._placed_ns = max(self._placed_ns, tick_time_ns)
+        self._release()
+
+    def flush(self) -> None:
+        """Hand all that there is to the operating system, truth that waits included."""
+        self._release(everything=True)
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Finish the bag. A second call does nothing."""
+        self._release(everything=True)
+        self._writer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _release(self, everything: bool = False) -> None:
+        while self._held and (everything or self._may_go(self._held[0])):
+            held = self._held.popleft()
+            self._held_bytes -= len(held.cdr)
+            self._derive(held)
+            self._writer.write(*held[:5])
+
+    def _may_go(self, held: _Held) -> bool:
+        return (
+            held.publish_time_ns <= self._placed_ns
+            or self._held_bytes > _MOST_HELD_BYTES
+            or time.monotonic() - held.since > _HELD_FOR_S
+        )
+
+    def _derive(self, held: _Held) -> None:
+        """Before the truth itself, so that a bag that ends between the two lacks nothing of the truth that it has."""
+        if not self._derived[held.topic]:
+            return
+        first, samples = decode_truth(held.cdr)
+        for derivation in self._derived[held.topic]:
+            self._numbers[derivation.node] += 1
+            cdr = encode_truth(first, derivation.rows(first, samples))
+            number = self._numbers[derivation.node]
+            name = derived_topic(derivation.node).name
+            self._writer.write(name, cdr, held.log_time_ns, held.publish_time_ns, number)

@@ -1,0 +1,206 @@
+"""A graph made of data: what a bag says of its run, in the place of the classes that ran.
+
+Its modules have the names, ports and parts in the run that the real ones had, so whoever counts messages or draws
+curves sees no difference. What only a class could compute of a sample was recorded beside it. No engine can run this.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+from typing import ClassVar, cast
+
+import numpy as np
+
+from etac_ros.bag.description import Columns, NodeDescription, PlantDescription, RunDescription
+from etac_ros.errors import RunError
+from etac_ros.graph.channel import Channel
+from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.module import Context, Module, Window
+from etac_ros.graph.plant import PlantModule, PlantModuleParameters
+from etac_ros.graph.recording import Recording
+from etac_ros.graph.wire import Wire
+from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.plant import Body
+from etac_ros.plants.watch import Watch
+
+
+def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[str, FloatArray]) -> Graph:
+    """Build the graph of a run from its bag alone.
+
+    Parameters
+    ----------
+    run, recording, derived
+        All from one bag.
+
+    Raises
+    ------
+    ValueError
+        If they do not belong together.
+    """
+    modules: dict[str, Module] = {}
+    for name, node in run.nodes.items():
+        plant = name if node.plant is not None else node.reads
+        first, states = (0, np.empty((0, 0))) if plant is None else recording.samples(plant)
+        rows = _Rows(run.derived.get(name, ()), first, _checked(name, run, derived, states.shape[0]))
+        if node.plant is None:
+            modules[name] = cast(Module, StandIn(node, rows))  # all that is asked of a module after a run
+        else:
+            if states.ndim != 2 or states.shape[1] != len(node.plant.labels):
+                found = "no samples" if not states.size else f"samples of {states.shape[1]} states"
+                raise ValueError(f"{name}: {found} instead of {len(node.plant.labels)} states")
+            dynamics = RecordedPlant(node, node.plant, states, rows)
+            context = Context(name, run.ticks_per_second, 0)
+            modules[name] = RecordedPlantModule(context, PlantModuleParameters(), dynamics)
+    links = {
+        name: Link(
+            name,
+            link.topic,
+            link.kind,
+            link.sender,
+            link.port,
+            link.receivers,
+            Wire(link.wire, link.size),
+            Channel(link.seed, name, link.delay_ticks, link.loss, link.outages),
+        )
+        for name, link in run.links.items()
+    }
+    reads = {name: node.reads for name, node in run.nodes.items() if node.reads is not None}
+    external = frozenset(name for name, node in run.nodes.items() if node.external)
+    return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external)
+
+
+class _Rows:
+    """What was derived of a node's samples, by what it is."""
+
+    def __init__(self, columns: tuple[Columns, ...], first: int, rows: FloatArray) -> None:
+        self.columns = columns
+        self.first = first
+        self.rows = rows
+
+    def at(self, tick: int, count: int) -> FloatArray:
+        """The rows of some ticks."""
+        return self.rows[tick - self.first : tick - self.first + count]
+
+    def watches(self, window: Window) -> tuple[Watch, ...]:
+        """What was watched at the samples of a window."""
+        rows = self.at(window.start, len(window.samples))
+        return tuple(
+            Watch(part.of, part.unit, rows[:, slice(*part.span)], part.axes, part.bound, part.notice)
+            for part in self.columns
+            if part.quantity == "watch"
+        )
+
+    def parts(self, quantity: str) -> list[Columns]:
+        """The columns of a quantity."""
+        return [part for part in self.columns if part.quantity == quantity]
+
+
+class StandIn:
+    """What is known of a module after a run."""
+
+    def __init__(self, node: NodeDescription, rows: _Rows) -> None:
+        self.inputs = dict(node.inputs)
+        self.outputs = dict(node.outputs)
+        self.answers = node.answers
+        self.passive = node.passive
+        self.triggers = node.triggers
+        self.senses = node.senses
+        self.watches = rows.watches
+
+
+class RecordedPlantModule(PlantModule):
+    """A plant module whose watched quantities stand in the bag."""
+
+    def watches(self, window: Window) -> tuple[Watch, ...]:
+        """What was watched."""
+        assert isinstance(self.plant, RecordedPlant)
+        return self.plant.recorded.watches(window)
+
+
+class RecordedPlant:
+    """A plant that has been simulated: its samples, and what its class said of them.
+
+    What it calls the errors of its states are rows that hold, behind the errors themselves, the angles and rates that
+    were recorded with them; so functions of errors are columns of these rows.
+    """
+
+    Parameters: ClassVar[type[Parameters]] = Parameters
+    noise_width = 0
+
+    def __init__(self, node: NodeDescription, plant: PlantDescription, states: FloatArray, rows: _Rows) -> None:
+        self.labels = plant.labels
+        self.inputs = dict(node.inputs)
+        self.attitude_slice = slice(*plant.attitude)
+        self.rate_slice = slice(*plant.rate)
+        self.modes_slice = slice(*plant.modes)
+        self.recorded = rows
+        self._start: FloatArray = states[0]
+        errors = rows.parts("errors")
+        self._width = len(plant.labels)
+        self._errors = rows.rows[:, slice(*errors[0].span)] if errors else states[:, : self._width]
+
+    def initial_state(self) -> FloatArray:
+        """The first committed sample."""
+        return self._start
+
+    def errors(self, states: FloatArray, tick: int) -> FloatArray:
+        """States less reference from a tick on, and behind them all that was derived."""
+        place = tick - self.recorded.first
+        known = self._errors[place : place + states.shape[0]]
+        return np.hstack([known, self.recorded.at(tick, states.shape[0])])
+
+    def attitude_angle(self, states: FloatArray) -> FloatArray:
+        """Attitude error as one angle [rad], as it was recorded."""
+        (angle,) = self.recorded.parts("attitude angle")
+        angles: FloatArray = self._of(angle, states)[:, 0]
+        return angles
+
+    def euler_angles(self, states: FloatArray) -> FloatArray:
+        """Attitude error of the first body as 3-2-1 Euler angles [rad], as they were recorded."""
+        return self._of(self.recorded.parts("euler angles")[0], states)
+
+    def bodies(self) -> tuple[Body, ...]:
+        """Every body with its recorded angles and rates."""
+        pairs = zip(self.recorded.parts("euler angles"), self.recorded.parts("rates"), strict=True)
+        return tuple(Body(angles.of, partial(self._of, angles), partial(self._of, rates)) for angles, rates in pairs)
+
+    def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """Refuse to go on."""
+        raise RunError("a plant in a bag", "was asked to move", "its recorded samples only")
+
+    def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
+        """Refuse to be measured anew."""
+        raise RunError("a plant in a bag", "was asked to be measured", "its recorded samples only")
+
+    def _of(self, part: Columns, errors: FloatArray) -> FloatArray:
+        start, stop = part.span
+        return errors[:, self._width + start : self._width + stop]
+
+
+def _checked(name: str, run: RunDescription, derived: Mapping[str, FloatArray], samples: int) -> FloatArray:
+    """The rows of a node, one for each of its plant's samples."""
+    columns = run.derived.get(name, ())
+    plant = run.nodes[name].plant
+    if not columns:
+        if plant is not None:
+            raise ValueError(f"{name}: nothing was derived of its samples")
+        return np.empty((samples, 0))
+    rows = derived.get(name, np.empty((0, 0)))[:samples]
+    width = columns[-1].span[1]
+    if rows.shape != (samples, width):
+        raise ValueError(f"{name}: {rows.shape[0]} rows of {rows.shape[1]} derived columns, not {samples} of {width}")
+    if plant is not None:
+        counts = Counter(part.quantity for part in columns)
+        sizes = {part.quantity: part.span[1] - part.span[0] for part in columns}
+        states = len(plant.labels)
+        fits = (
+            counts["attitude angle"] == sizes.get("attitude angle") == 1
+            and counts["euler angles"] == counts["rates"] > 0
+            and counts["errors"] <= 1
+            and (not counts["errors"] or sizes["errors"] == states)
+        )
+        if not fits:
+            raise ValueError(f"{name}: its derived columns are not those of a plant")
+    return rows
