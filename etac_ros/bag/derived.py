@@ -19,7 +19,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Plant, bodies_of, errors_of
+from etac_ros.plants.plant import Plant, bodies_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 
 _Parts = list[tuple[Columns, FloatArray]]
@@ -102,7 +102,8 @@ def _of_plant(graph: Graph, node: str, plant: str, first: int, samples: FloatArr
     dynamics: Plant = module.plant
     errors = errors_of(dynamics, samples, first)
     parts: _Parts = [(_columns("errors"), errors)] if errors is not samples else []
-    parts.append((_columns("attitude angle", unit="rad"), dynamics.attitude_angle(errors)[:, np.newaxis]))
+    if has_attitude(dynamics):
+        parts.append((_columns("attitude angle", unit="rad"), dynamics.attitude_angle(errors)[:, np.newaxis]))
     for body in bodies_of(dynamics):
         parts.append((_columns("euler angles", body.name, "rad"), body.euler_angles(errors)))
         parts.append((_columns("rates", body.name, "rad/s"), body.rates(errors)))

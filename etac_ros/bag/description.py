@@ -18,7 +18,7 @@ from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import WireFormat
-from etac_ros.plants.plant import Plant, modes_slice_of
+from etac_ros.plants.plant import Plant, has_attitude, modes_slice_of
 
 DESCRIPTION_ATTACHMENT = "run.json"
 VERSION = 1
@@ -51,8 +51,8 @@ class PlantDescription(_Model):
     """What the state of a plant means."""
 
     labels: tuple[str, ...] = Field(description="name and unit of each component of the state")
-    attitude: _Span = Field(description="where the attitude error stands in the state")
-    rate: _Span = Field(description="where the angular velocity error stands [rad/s]")
+    attitude: _Span | None = Field(default=None, description="where the attitude error stands; null without any")
+    rate: _Span | None = Field(default=None, description="where the angular velocity error stands [rad/s]")
     modes: _Span = Field(description="where modal coordinates stand; empty without any")
 
 
@@ -164,8 +164,8 @@ def _plant(plant: Plant) -> PlantDescription:
     size = len(plant.labels)
     return PlantDescription(
         labels=tuple(plant.labels),
-        attitude=_span(plant.attitude_slice, size),
-        rate=_span(plant.rate_slice, size),
+        attitude=_span(plant.attitude_slice, size) if has_attitude(plant) else None,
+        rate=_span(plant.rate_slice, size) if has_attitude(plant) else None,
         modes=_span(modes_slice_of(plant), size),
     )
 

@@ -22,7 +22,7 @@ from etac_ros.graph.plant import PlantModule, PlantModuleParameters
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.wire import Wire
 from etac_ros.parameters import FloatArray, Parameters
-from etac_ros.plants.plant import Body
+from etac_ros.plants.plant import Body, Plant
 from etac_ros.plants.watch import Watch
 
 
@@ -50,7 +50,8 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             if states.ndim != 2 or states.shape[1] != len(node.plant.labels):
                 found = "no samples" if not states.size else f"samples of {states.shape[1]} states"
                 raise ValueError(f"{name}: {found} instead of {len(node.plant.labels)} states")
-            dynamics = RecordedPlant(node, node.plant, states, rows)
+            kind = RecordedPlant if node.plant.attitude is None else RecordedAttitudePlant
+            dynamics = cast(Plant, kind(node, node.plant, states, rows))
             context = Context(name, run.ticks_per_second, 0)
             modules[name] = RecordedPlantModule(context, PlantModuleParameters(), dynamics)
     links = {
@@ -127,13 +128,10 @@ class RecordedPlant:
     """
 
     Parameters: ClassVar[type[Parameters]] = Parameters
-    noise_width = 0
 
     def __init__(self, node: NodeDescription, plant: PlantDescription, states: FloatArray, rows: _Rows) -> None:
         self.labels = plant.labels
         self.inputs = dict(node.inputs)
-        self.attitude_slice = slice(*plant.attitude)
-        self.rate_slice = slice(*plant.rate)
         self.modes_slice = slice(*plant.modes)
         self.recorded = rows
         self._start: FloatArray = states[0]
@@ -151,6 +149,28 @@ class RecordedPlant:
         known = self._errors[place : place + states.shape[0]]
         return np.hstack([known, self.recorded.at(tick, states.shape[0])])
 
+    def bodies(self) -> tuple[Body, ...]:
+        """Every body with its recorded angles and rates."""
+        pairs = zip(self.recorded.parts("euler angles"), self.recorded.parts("rates"), strict=True)
+        return tuple(Body(angles.of, partial(self._of, angles), partial(self._of, rates)) for angles, rates in pairs)
+
+    def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """Refuse to go on."""
+        raise RunError("a plant in a bag", "was asked to move", "its recorded samples only")
+
+    def _of(self, part: Columns, errors: FloatArray) -> FloatArray:
+        start, stop = part.span
+        return errors[:, self._width + start : self._width + stop]
+
+
+class RecordedAttitudePlant(RecordedPlant):
+    """The same of a plant that has an attitude."""
+
+    def __init__(self, node: NodeDescription, plant: PlantDescription, states: FloatArray, rows: _Rows) -> None:
+        super().__init__(node, plant, states, rows)
+        self.attitude_slice = slice(*(plant.attitude or (0, 0)))
+        self.rate_slice = slice(*(plant.rate or (0, 0)))
+
     def attitude_angle(self, states: FloatArray) -> FloatArray:
         """Attitude error as one angle [rad], as it was recorded."""
         (angle,) = self.recorded.parts("attitude angle")
@@ -161,46 +181,35 @@ class RecordedPlant:
         """Attitude error of the first body as 3-2-1 Euler angles [rad], as they were recorded."""
         return self._of(self.recorded.parts("euler angles")[0], states)
 
-    def bodies(self) -> tuple[Body, ...]:
-        """Every body with its recorded angles and rates."""
-        pairs = zip(self.recorded.parts("euler angles"), self.recorded.parts("rates"), strict=True)
-        return tuple(Body(angles.of, partial(self._of, angles), partial(self._of, rates)) for angles, rates in pairs)
-
-    def propagate(self, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
-        """Refuse to go on."""
-        raise RunError("a plant in a bag", "was asked to move", "its recorded samples only")
-
-    def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
-        """Refuse to be measured anew."""
-        raise RunError("a plant in a bag", "was asked to be measured", "its recorded samples only")
-
-    def _of(self, part: Columns, errors: FloatArray) -> FloatArray:
-        start, stop = part.span
-        return errors[:, self._width + start : self._width + stop]
-
 
 def _checked(name: str, run: RunDescription, derived: Mapping[str, FloatArray], samples: int) -> FloatArray:
     """The rows of a node, one for each of its plant's samples."""
     columns = run.derived.get(name, ())
     plant = run.nodes[name].plant
+    if plant is not None:
+        _check_plant(name, plant, columns)
     if not columns:
-        if plant is not None:
-            raise ValueError(f"{name}: nothing was derived of its samples")
         return np.empty((samples, 0))
     rows = derived.get(name, np.empty((0, 0)))[:samples]
     width = columns[-1].span[1]
     if rows.shape != (samples, width):
         raise ValueError(f"{name}: {rows.shape[0]} rows of {rows.shape[1]} derived columns, not {samples} of {width}")
-    if plant is not None:
-        counts = Counter(part.quantity for part in columns)
-        sizes = {part.quantity: part.span[1] - part.span[0] for part in columns}
-        states = len(plant.labels)
-        fits = (
-            counts["attitude angle"] == sizes.get("attitude angle") == 1
-            and counts["euler angles"] == counts["rates"] > 0
-            and counts["errors"] <= 1
-            and (not counts["errors"] or sizes["errors"] == states)
-        )
-        if not fits:
-            raise ValueError(f"{name}: its derived columns are not those of a plant")
     return rows
+
+
+def _check_plant(name: str, plant: PlantDescription, columns: tuple[Columns, ...]) -> None:
+    counts = Counter(part.quantity for part in columns)
+    sizes = {part.quantity: part.span[1] - part.span[0] for part in columns}
+    states = len(plant.labels)
+    spans = [span for span in (plant.attitude, plant.rate, plant.modes) if span is not None]
+    angles = 0 if plant.attitude is None else 1
+    fits = (
+        all(start <= stop <= states for start, stop in spans)
+        and (plant.attitude is None) == (plant.rate is None)
+        and counts["attitude angle"] == sizes.get("attitude angle", 0) == angles
+        and counts["euler angles"] == counts["rates"] >= angles
+        and counts["errors"] <= 1
+        and sizes.get("errors", states) == states
+    )
+    if not fits:
+        raise ValueError(f"{name}: what was derived of its samples is not what is derived of such a plant")

@@ -60,7 +60,7 @@ def truth_topic(plant: str) -> TopicDescription:
 
 def derived_topic(node: str) -> TopicDescription:
     """Describe the topic of what is derived of a plant's samples for a node, given its full name."""
-    return TopicDescription(f"{EMULATION}/{node.lstrip('/')}/derived", TRUTH_TYPE, "derived", derived=node)
+    return TopicDescription(topics.derived_topic(node), TABLE_TYPE, "derived", derived=node)
 
 
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:

@@ -43,6 +43,11 @@ def go_topic(module: str) -> str:
     return f"{EMULATION}{module}/{_GO}"
 
 
+def derived_topic(node: str) -> str:
+    """What was computed of committed samples while they were recorded; only in bags."""
+    return f"{EMULATION}{node}/derived"
+
+
 def type_of(topic: str) -> str:
     """Message type of a topic of the emulation plane that is no link, for instance ``std_msgs/msg/String``."""
     if topic == CLOCK:

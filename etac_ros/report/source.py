@@ -29,7 +29,6 @@ from etac_ros.report.plausible import check_fit
 from etac_ros.runs import SCENARIO_ATTACHMENT
 from etac_ros.scenario.classes import ForeignClassError
 from etac_ros.scenario.load import Scenario, load, read_resolved
-from etac_ros.scenario.schema import Published
 from etac_ros.scenario.trust import foreign_classes, own_classes_only
 
 _MOST_SHOWN = 80
@@ -276,6 +275,6 @@ def _with_figures_that_can_be_had(scenario: Scenario, graph: Graph) -> Scenario:
         kept[name] = figure
     if len(kept) == len(scenario.published):
         return scenario
-    whole = scenario.run.published
-    published = Published.model_construct(source=whole.source, shown_in=whole.shown_in, **kept)
+    published = scenario.run.published.model_copy()
+    published.__pydantic_extra__ = kept
     return replace(scenario, run=scenario.run.model_copy(update={"published": published}))
