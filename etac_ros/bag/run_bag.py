@@ -19,6 +19,8 @@ from etac_ros.graph.graph import Graph
 
 _MOST_HELD_BYTES = 1024 * 1024
 _HELD_FOR_S = 0.5
+_LARGE_BYTES = 4096
+"""Before truth of this size a chunk ends, so that the messages before it are whole wherever the file ends in it."""
 
 
 class _Held(NamedTuple):
@@ -118,6 +120,8 @@ class RunBag:
         while self._held and (everything or self._may_go(self._held[0])):
             held = self._held.popleft()
             self._held_bytes -= len(held.cdr)
+            if len(held.cdr) > _LARGE_BYTES:
+                self._writer.flush()
             self._derive(held)
             self._writer.write(*held[:5])
 
