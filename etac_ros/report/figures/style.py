@@ -158,12 +158,22 @@ def _filled(
 
     figure = Figure(figsize=size_in, dpi=PAGE_DPI, layout="constrained" if like is None else None)
     draw(figure, theme)
+    _without_markup(figure)
     if like is not None:
         for axes, its_like in zip(figure.axes, like.axes, strict=True):
             axes.set_position(its_like.get_position())
         for title, its_title in zip(figure.texts, like.texts, strict=True):
             title.set_position(its_title.get_position())
     return figure
+
+
+def _without_markup(figure: Figure) -> None:
+    """Show what others have written as it is: two dollars would make a formula of it, which may not even be one."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if "$" in text.get_text():  # tick labels, which are formulas, are not there yet
+            text.set_parse_math(False)
 
 
 def _png(figure: Figure) -> bytes:
