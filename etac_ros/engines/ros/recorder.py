@@ -9,7 +9,7 @@ from rclpy.context import Context
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray, String
 
-from etac_ros.bag.clock import log_time_ns
+from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
@@ -142,7 +142,7 @@ class RecorderNode(RunNode):
             first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
             last = first + samples.shape[0] - 1
             self._tick = max(self._tick, last)
-            self._write(topic, data, last, 0, sequence)
+            self._write(topic, data, last, AFTER_ALL_STEPS, sequence)
             self.settle()
 
         self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
