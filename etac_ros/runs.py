@@ -421,8 +421,6 @@ def make_readable(bag: Path) -> None:
         print(f"the bag of the failed run could not be repaired: {error}")
 
 
-
-
 def _plane(sent: dict[str, tuple[int, int]]) -> dict[str, tuple[str, int, int]]:
     return {topic: (type_of(topic), messages, size) for topic, (messages, size) in sent.items()}
 

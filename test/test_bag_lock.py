@@ -1,5 +1,6 @@
 """Nobody touches a bag that somebody else has open, and two writers never share one."""
 
+import fcntl
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from etac_ros.bag.codec import encode
+from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.topics import TopicDescription
@@ -64,3 +66,24 @@ def test_of_many_writers_one_gets_the_directory(tmp_path):
     (winner,) = [result for result in results if isinstance(result, int)]
     assert all("exists already" in result for result in results if result != winner)
     assert [message.sequence for message in read_bag(tmp_path / "deep" / "bag").messages()] == [winner]
+
+
+def test_a_child_that_has_inherited_the_file_keeps_nobody_out(tmp_path):
+    writer = BagWriter(tmp_path / "bag", [SIGNAL], {}, METADATA)
+    inherited = os.dup(writer._file.fileno())
+    try:
+        write_one(writer, 1)
+        writer.close()
+        assert [message.sequence for message in read_bag(tmp_path / "bag").messages()] == [1]
+        assert recover(tmp_path / "bag").nothing_to_do
+    finally:
+        os.close(inherited)
+
+
+def test_any_number_may_look_at_the_same_time(tmp_path):
+    with BagWriter(tmp_path / "bag", [SIGNAL], {}, METADATA) as writer:
+        write_one(writer, 1)
+    path = tmp_path / "bag" / "bag_0.mcap"
+    with path.open("rb") as other:
+        fcntl.flock(other, fcntl.LOCK_SH)  # in the midst of its look
+        assert not is_being_written(path)

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import fcntl
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from etac_ros.errors import BagError
 
 
-def hold(file: BinaryIO) -> bool:
-    """Take the lock of an open file until it is closed.
+def take(file: BinaryIO) -> None:
+    """Take the lock of a file that was just made, until :func:`give_back` or the end of the process."""
+    with suppress(OSError):  # a file system without locks
+        fcntl.flock(file, fcntl.LOCK_EX)  # nobody holds it longer than a look takes
 
-    Returns
-    -------
-    bool
-        False if another process has it. True also where the file system has no locks: nothing is known then.
-    """
+
+def give_back(file: BinaryIO) -> None:
+    """Release the lock, also where a child of this process has inherited the open file."""
+    with suppress(OSError):
+        fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _is_free(file: BinaryIO, kind: int) -> bool:
+    """Take a lock if nobody is in its way; true also where the file system has none: nothing is known then."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
@@ -32,7 +38,7 @@ def is_being_written(path: Path) -> bool:
     """Whether a process that lives still writes this file."""
     try:
         with path.open("rb") as file:
-            return not hold(file)
+            return not _is_free(file, fcntl.LOCK_SH)  # any number may look at the same time
     except OSError:
         return False
 
@@ -51,7 +57,7 @@ def alone_with(path: Path) -> Iterator[None]:
     except OSError as error:
         raise BagError(str(path), f"cannot be read: {error.strerror}") from None
     with file:
-        if not hold(file):
+        if not _is_free(file, fcntl.LOCK_EX):
             raise BagError(
                 str(path.parent),
                 "another process still writes it",

@@ -13,7 +13,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
 from etac_ros.bag.definitions import OFFERED_QOS_YAML, schema_text, type_hash
-from etac_ros.bag.lock import hold
+from etac_ros.bag.lock import give_back, take
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
 from etac_ros.bag.reserve import claim, is_reserved
 from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
@@ -93,7 +93,7 @@ class BagWriter:
         try:
             claim(directory)
             self._file = self._mcap_path.open("xb")
-            hold(self._file)
+            take(self._file)
             self._mcap = self._begin(attachments)
         except FileExistsError:
             raise _occupied(directory) from None
@@ -163,7 +163,8 @@ class BagWriter:
                 # With this record rosbag2 understands the file by itself too: `ros2 bag info FILE.mcap`.
                 self._mcap.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
                 self._mcap.finish()
-            write_metadata(self._directory, information)
+                write_metadata(self._directory, information)
+                give_back(self._file)
         except OSError as error:
             raise self._failed(error) from error
 
