@@ -67,9 +67,9 @@ def test_a_pause_costs_time_only(victim: str, tmp_path: Path) -> None:
 
 
 def test_who_computes_for_long_is_waited_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    law = "controller.law={class: 'standing:BusyLaw', busy_s: 2.5}"
+    law = "controller.law={class: 'standing:BusyLaw', busy_s: 4.0}"
     scenario = load("wu2018", "periodic", ["duration_s=20", law])
-    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=1.0))
+    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=3.0))
     assert run.summary.triggers["/sensor"].count == 20
     assert "node /controller" in (told := capfd.readouterr().err)
     assert "has been computing for" in told
@@ -77,6 +77,6 @@ def test_who_computes_for_long_is_waited_for(tmp_path: Path, capfd: pytest.Captu
 
 def test_who_is_blocked_is_named(tmp_path: Path) -> None:
     scenario = load("wu2018", "periodic", ["duration_s=20", "controller.law={class: 'standing:BlockedLaw'}"])
-    with pytest.raises(RunError, match=r"node /controller(.|\n)*has stood still for 1 s(.|\n)*: blocked"):
-        run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=1.0))
+    with pytest.raises(RunError, match=r"node /controller(.|\n)*has stood still for 3 s(.|\n)*: blocked"):
+        run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=3.0))
     assert read_bag(tmp_path / "bag").recording().messages["filtered_error"]
