@@ -13,6 +13,7 @@ import pytest
 from toy import trace
 
 from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
@@ -73,6 +74,17 @@ def test_who_computes_for_long_is_waited_for(tmp_path: Path, capfd: pytest.Captu
     assert run.summary.triggers["/sensor"].count == 20
     assert "node /controller" in (told := capfd.readouterr().err)
     assert "has been computing for" in told
+
+
+def test_who_has_not_heard_of_the_end_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = RunNode._on_end
+    monkeypatch.setattr(  # the run's processes inherit it
+        RunNode, "_on_end", lambda node, *message: None if node.name == "/sensor" else heard(node, *message)
+    )
+    pids: dict[str, int] = {}
+    run = run_over_ros(load("wu2018", overrides=["duration_s=20"]), tmp_path / "bag", on_start=pids.update)
+    assert trace(run.recording) == trace(run_in_process(load("wu2018", overrides=["duration_s=20"])).recording)
+    assert not [pid for pid in pids.values() if psutil.pid_exists(pid)]
 
 
 def test_who_is_blocked_is_named(tmp_path: Path) -> None:
