@@ -94,7 +94,9 @@ class Cell:
         """Whether nothing is to be complained of."""
         may_be_done = self.phase == "draining"  # all had been said before the signal came
         ends_well = self.exit_code == 0 if self.pause else self.exit_code == FAILED_RUN or may_be_done
-        bag = self.bag == "complete" or (self.bag == "none" and self.phase == "starting") or self.bag == NOTHING_YET
+        killed_recorder = self.act == "KILL" and RECORDER in self.names
+        early = self.phase == "starting" or killed_recorder
+        bag = self.bag == "complete" or (self.bag in ("none", NOTHING_YET) and early)
         return ends_well and self.named and not self.left and bag and self.lost_s <= 1.0 and not self.lost_messages
 
 
@@ -261,7 +263,9 @@ def look_into(
     """What of the run, as far as the coordinator had told of it, is in the bag."""
     if not bag.exists():
         cell.bag = "none"
-        if cell.exit_code == 0 or cell.phase != "starting":
+        if told and struck:
+            cell.lost_s = struck[0] - told[0][0]
+        elif cell.exit_code == 0:
             cell.lost_s = float("inf")
         return
     try:
@@ -378,7 +382,8 @@ its part of the drain changes nothing: exit 0, and a complete bag.
 - *bag complete*: it has its metadata, and reads. A recorder that is killed within its first second may leave none.
 - *left behind*: processes and files in shared memory.
 - *lost*: wall time of samples that the coordinator had told of and that are not in the bag; and messages that it knew
-  to be delivered and that are not. (The goal is one second and none.)
+  to be delivered and that are not. (The goal is one second and none.) Only a recorder that is killed loses anything:
+  what it had taken and not yet written, and what nobody can send it any more.
 
 {to_markdown(head, rows)}
 

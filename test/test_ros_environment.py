@@ -115,7 +115,7 @@ def test_a_node_that_waits_names_what_may_keep_it_apart(tmp_path: Path) -> None:
     scenario.write_text(etac("resolve", "wu2018", folder=tmp_path).stdout)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "ROS_DOMAIN_ID": str(lease.domain)}
     environment["ROS_DISCOVERY_SERVER"] = "127.0.0.1:11811"
-    command = [sys.executable, "-m", "etac_ros", "node", "sensor", str(scenario), "--quiet-s", "1"]
+    command = [sys.executable, "-m", "etac_ros", "node", "sensor", str(scenario), "--quiet-s", "5"]
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as waiting:
         try:
             assert waiting.stdout is not None

@@ -13,6 +13,7 @@ import pytest
 from toy import trace
 
 from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
@@ -67,16 +68,27 @@ def test_a_pause_costs_time_only(victim: str, tmp_path: Path) -> None:
 
 
 def test_who_computes_for_long_is_waited_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    law = "controller.law={class: 'standing:BusyLaw', busy_s: 2.5}"
+    law = "controller.law={class: 'standing:BusyLaw', busy_s: 4.0}"
     scenario = load("wu2018", "periodic", ["duration_s=20", law])
-    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=1.0))
+    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=3.0))
     assert run.summary.triggers["/sensor"].count == 20
     assert "node /controller" in (told := capfd.readouterr().err)
     assert "has been computing for" in told
 
 
+def test_who_has_not_heard_of_the_end_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = RunNode._on_end
+    monkeypatch.setattr(  # the run's processes inherit it
+        RunNode, "_on_end", lambda node, *message: None if node.name == "/sensor" else heard(node, *message)
+    )
+    pids: dict[str, int] = {}
+    run = run_over_ros(load("wu2018", overrides=["duration_s=20"]), tmp_path / "bag", on_start=pids.update)
+    assert trace(run.recording) == trace(run_in_process(load("wu2018", overrides=["duration_s=20"])).recording)
+    assert not [pid for pid in pids.values() if psutil.pid_exists(pid)]
+
+
 def test_who_is_blocked_is_named(tmp_path: Path) -> None:
     scenario = load("wu2018", "periodic", ["duration_s=20", "controller.law={class: 'standing:BlockedLaw'}"])
-    with pytest.raises(RunError, match=r"node /controller(.|\n)*has stood still for 1 s(.|\n)*: blocked"):
-        run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=1.0))
+    with pytest.raises(RunError, match=r"node /controller(.|\n)*has stood still for 3 s(.|\n)*: blocked"):
+        run_over_ros(scenario, tmp_path / "bag", RosOptions(quiet_s=3.0))
     assert read_bag(tmp_path / "bag").recording().messages["filtered_error"]

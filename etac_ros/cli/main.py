@@ -48,7 +48,7 @@ ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
 QuietS = Annotated[
-    float, typer.Option(min=1.0, help="A node that stands still or owes an answer for this long ends the run [s].")
+    float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
 ]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 

@@ -138,6 +138,21 @@ def _main(executable: str) -> None:
         sys.exit(130)
 
 
+_LOG_FLAGS = {
+    f"--{what}-{kind}-logs" for what in ("enable", "disable") for kind in ("rosout", "stdout", "external-lib")
+}
+_USAGE = """\
+{executable}: plays a node of a scenario, until the run is over
+
+  {executable} --ros-args --params-file FILE [-r __ns:=/NAMESPACE] [-r __node:=NAME]
+
+  --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run
+  --bag DIR            for the recorder: folder of the bag
+  -r __ns:=, __node:=  which node of the scenario
+
+  The domain is ROS_DOMAIN_ID. Logging options of ROS and --enclave are taken, and of no consequence."""
+
+
 def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str, Path | None]:
     """Node name, parameter file and bag from a ROS command line.
 
@@ -151,17 +166,33 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str
     Raises
     ------
     ScenarioError
-        If the parameter file is missing, or something is given that would silently be ignored.
+        If the parameter file is missing or there are two, or something is given that would silently be ignored.
+    SystemExit
+        After help has been printed.
     """
     namespace, base, params_file, bag = "", executable, None, None
     words = iter(word for word in arguments if word not in ("--ros-args", "--"))
     for word in words:
+        if word in ("-h", "--help"):
+            print(_USAGE.format(executable=executable))
+            sys.exit(0)
+        if word in _LOG_FLAGS:
+            continue
         value = next(words, None)
         if value is None:
             raise ScenarioError(f"{executable} {word}", "has no value")
         match word:
+            case "--params-file" if params_file is not None:
+                raise ScenarioError(
+                    f"{executable} --params-file {value}",
+                    f"is a second parameter file, after {params_file}",
+                    "one file, which holds all parameters of a run",
+                    "make one with `etac resolve NAME --set KEY=VALUE`",
+                )
             case "--params-file":
                 params_file = value
+            case "--log-level" | "--log-config-file" | "--log-file-name" | "-e" | "--enclave":
+                pass  # as `ros2 launch` hands them to any node; these log nothing by ROS, and use no security
             case "--bag":
                 bag = Path(value)
             case "-r" | "--remap" if value.startswith("__ns:="):

@@ -233,10 +233,10 @@ class Host:
             return  # a parent of all sees at once when a process ends
         self._roll_call = now + _ROLL_CALL_S
         for node in self._nodes:
+            if node.stop is not None and node.stop["fault"]:
+                raise EndedByOthers(f"node {node.name}", f"the run was ended: {node.stop['fault']}")
             if node.has_left and node.deserted():
                 node.finished = True  # the end was told, and missed
-            elif node.stop is not None and node.stop["fault"]:
-                raise EndedByOthers(f"node {node.name}", f"the run was ended: {node.stop['fault']}")
             if node.started and node.stop is None and (gone := node.deserted()):
                 raise RunError(
                     f"node {', '.join(gone)}",
