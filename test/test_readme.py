@@ -77,7 +77,7 @@ def test_command(command: str, folder: Path) -> None:
 def test_executables_take_the_arguments_of_the_readme() -> None:
     (command,) = [c for c in COMMANDS if c.startswith("ros2 run etac_ros")]
     executable, *arguments = command.split()[3:]
-    assert parse_arguments(executable, arguments) == ("/sensor", "my_run.yaml", None)
+    assert parse_arguments(executable, arguments) == ("/sensor", ("my_run.yaml",), None)
 
 
 def test_reading_a_bag(folder: Path) -> None:

@@ -14,8 +14,8 @@ FILE = ["--ros-args", "--params-file", "run.yaml"]
 
 def test_what_a_launch_file_gives() -> None:
     remaps = ["-r", "__ns:=/pm", "-r", "__node:=controller"]
-    assert parse_arguments("controller", [*FILE, *remaps]) == ("/pm/controller", "run.yaml", None)
-    assert parse_arguments("recorder", ["--bag", "b", *FILE]) == ("/recorder", "run.yaml", Path("b"))
+    assert parse_arguments("controller", [*FILE, *remaps]) == ("/pm/controller", ("run.yaml",), None)
+    assert parse_arguments("recorder", ["--bag", "b", *FILE]) == ("/recorder", ("run.yaml",), Path("b"))
 
 
 @pytest.mark.parametrize(
@@ -29,13 +29,12 @@ def test_what_a_launch_file_gives() -> None:
     ],
 )
 def test_what_any_ros_node_takes_is_taken(usual: list[str]) -> None:
-    assert parse_arguments("sensor", [*FILE, *usual]) == ("/sensor", "run.yaml", None)
-    assert parse_arguments("sensor", ["--ros-args", *usual, *FILE[1:]]) == ("/sensor", "run.yaml", None)
+    assert parse_arguments("sensor", [*FILE, *usual]) == ("/sensor", ("run.yaml",), None)
+    assert parse_arguments("sensor", ["--ros-args", *usual, *FILE[1:]]) == ("/sensor", ("run.yaml",), None)
 
 
-def test_a_second_parameter_file_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"is a second parameter file, after run\.yaml"):
-        parse_arguments("sensor", [*FILE, "--params-file", "other.yaml"])
+def test_several_parameter_files_are_all_taken_in_their_order() -> None:
+    assert parse_arguments("sensor", [*FILE, "--params-file", "/tmp/more"])[1] == ("run.yaml", "/tmp/more")
 
 
 def test_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -92,7 +92,7 @@ def test_nothing_is_said_of_a_plain_environment(tmp_path: Path) -> None:
 def test_a_node_that_could_meet_nobody_is_refused(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(name, value)
     with pytest.raises(ScenarioError, match=f"{name}={value} in the environment") as caught:
-        play("sensor", "wu2018")
+        play("sensor", ["wu2018"])
     assert f"unset {name}" in caught.value.remedy
 
 

@@ -237,7 +237,7 @@ def node(
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, str(params_file), bag, quiet_s)
+    play(name, [str(params_file)], bag, quiet_s)
 
 
 @app.command()

@@ -18,22 +18,22 @@ from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import Scenario, load_files
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.count_check import Outcome
     from etac_ros.engines.ros.plan import Plan
 
 
-def play(name: str, params_file: str, bag: Path | None = None, quiet_s: float = QUIET_S) -> NoReturn:
+def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_s: float = QUIET_S) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
     Parameters
     ----------
     name
         Full name of the node; ``/recorder`` and ``/coordinator`` are in every scenario.
-    params_file
-        A scenario's file or name. All nodes of a run need the same, with the same overrides.
+    params_files
+        A scenario's file or name, or several files, each laid over those before. All nodes of a run need the same.
     bag
         Directory of the bag, for the recorder.
     quiet_s
@@ -47,7 +47,7 @@ def play(name: str, params_file: str, bag: Path | None = None, quiet_s: float = 
     domain = domain_of_environment(os.environ) or 0
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
     join_by_hand(os.environ, domain)
-    scenario = load(params_file)
+    scenario = load_files(params_files)
     from etac_ros.engines.ros.host import Host, leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 
@@ -129,8 +129,8 @@ def coordinator() -> None:
 def _main(executable: str) -> None:
     hold_standard_streams()
     try:
-        name, params_file, bag = parse_arguments(executable, sys.argv[1:])
-        play(name, params_file, bag)
+        name, params_files, bag = parse_arguments(executable, sys.argv[1:])
+        play(name, params_files, bag)
     except EtacError as error:
         print(f"{executable}: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, ScenarioError) else 1)
@@ -144,17 +144,18 @@ _LOG_FLAGS = {
 _USAGE = """\
 {executable}: plays a node of a scenario, until the run is over
 
-  {executable} --ros-args --params-file FILE [-r __ns:=/NAMESPACE] [-r __node:=NAME]
+  {executable} --ros-args --params-file FILE [--params-file FILE ...] [-r __ns:=/NAMESPACE] [-r __node:=NAME]
 
-  --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run
+  --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run; of several, each is laid over
+                       those before
   --bag DIR            for the recorder: folder of the bag
   -r __ns:=, __node:=  which node of the scenario
 
   The domain is ROS_DOMAIN_ID. Logging options of ROS and --enclave are taken, and of no consequence."""
 
 
-def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str, Path | None]:
-    """Node name, parameter file and bag from a ROS command line.
+def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tuple[str, ...], Path | None]:
+    """Node name, parameter files and bag from a ROS command line.
 
     Parameters
     ----------
@@ -166,11 +167,12 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str
     Raises
     ------
     ScenarioError
-        If the parameter file is missing or there are two, or something is given that would silently be ignored.
+        If the parameter file is missing, or something is given that would silently be ignored.
     SystemExit
         After help has been printed.
     """
-    namespace, base, params_file, bag = "", executable, None, None
+    namespace, base, bag = "", executable, None
+    params_files: list[str] = []
     words = iter(word for word in arguments if word not in ("--ros-args", "--"))
     for word in words:
         if word in ("-h", "--help"):
@@ -182,15 +184,8 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str
         if value is None:
             raise ScenarioError(f"{executable} {word}", "has no value")
         match word:
-            case "--params-file" if params_file is not None:
-                raise ScenarioError(
-                    f"{executable} --params-file {value}",
-                    f"is a second parameter file, after {params_file}",
-                    "one file, which holds all parameters of a run",
-                    "make one with `etac resolve NAME --set KEY=VALUE`",
-                )
             case "--params-file":
-                params_file = value
+                params_files.append(value)
             case "--log-level" | "--log-config-file" | "--log-file-name" | "-e" | "--enclave":
                 pass  # as `ros2 launch` hands them to any node; these log nothing by ROS, and use no security
             case "--bag":
@@ -210,6 +205,6 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, str
                 raise ScenarioError(
                     f"{executable} {word} {value}", "is not understood", "--params-file FILE, --bag DIR, -r"
                 )
-    if params_file is None:
+    if not params_files:
         raise ScenarioError(executable, "has no parameter file", "--ros-args --params-file FILE")
-    return f"{namespace}/{base}", params_file, bag
+    return f"{namespace}/{base}", tuple(params_files), bag

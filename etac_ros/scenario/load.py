@@ -164,7 +164,7 @@ def find(name: str) -> Path:
         If there is none; the message names the nearest that exists.
     """
     given = Path(name)
-    if given.suffix in (".yaml", ".yml"):
+    if given.suffix in (".yaml", ".yml") or len(given.parts) > 1:  # `ros2 launch` gives its files no ending
         return given  # whoever reads it says what is wrong with it
     folders = config_folders()
     for folder in folders:
