@@ -127,10 +127,10 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
 
 def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside."""
-    graph = scenario.graph
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
-    derive_with = graph if foreign_classes(scenario.nodes) else None
-    return RunBag(directory, graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
+    # A graph of its own: laws with memory are folded over the samples in it.
+    derive_with = scenario.build() if foreign_classes(scenario.nodes) else None
+    return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
 
 
 def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:

@@ -46,7 +46,7 @@ def test_topics_are_counted_one_by_one(bag):
     assert (signal.messages, signal.payload_bytes, signal.cdr_bytes) == (2, 24, 32)
     assert (signal.first_s, signal.last_s) == (0.5, 0.9)
     assert (rows["/state"].payload_bytes, rows["/state"].cdr_bytes) == (28, 44)
-    assert (rows["/command"].payload_bytes, rows["/command"].cdr_bytes) == (48, 136)
+    assert (rows["/command"].payload_bytes, rows["/command"].cdr_bytes) == (96, 136)  # float64
     silent = rows["/silent"]
     assert (silent.messages, silent.payload_bytes, silent.first_s, silent.last_s) == (0, 0, None, None)
     assert rows["/emulation/plant/truth"].payload_bytes == 0  # no link: the papers' figure is not defined
@@ -55,9 +55,9 @@ def test_topics_are_counted_one_by_one(bag):
 def test_planes_are_never_added_up(bag):
     description = describe(bag)
     assert description.network == Total(messages=3, payload_bytes=52, cdr_bytes=76)
-    assert description.internal == Total(messages=2, payload_bytes=48, cdr_bytes=136)
+    assert description.internal == Total(messages=2, payload_bytes=96, cdr_bytes=136)
     assert description.emulation.messages == 3
-    assert description.emulation.payload_bytes == 12
+    assert description.emulation.payload_bytes == 24
 
 
 def test_the_run_is_described(bag):
