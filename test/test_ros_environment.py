@@ -128,7 +128,7 @@ def test_a_node_that_waits_names_what_may_keep_it_apart(tmp_path: Path) -> None:
     lease.release()
 
 
-@pytest.mark.parametrize("text", ["abc", "1.5", "102", "-3"])
+@pytest.mark.parametrize("text", ["abc", "-3"])
 def test_a_domain_is_checked_at_every_door(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     doors = [(["run", "wu2018"], {"ROS_DOMAIN_ID": text}), (["node", "sensor", "wu2018"], {"ROS_DOMAIN_ID": text})]
     if text.lstrip("-").isdigit():

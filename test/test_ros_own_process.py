@@ -98,7 +98,7 @@ def test_errors_come_back_as_they_are(tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as pool:
         failed = pool.submit(run_over_ros, scenario, tmp_path / "bag").exception()
     assert isinstance(failed, RunError)
-    assert "node /controller" in failed.where
+    assert "/controller" in failed.where
     assert "the law is broken" in str(failed)
 
 
