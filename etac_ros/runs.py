@@ -352,6 +352,7 @@ def run_over_ros(
         plane=_plane(outcome.sent_by_topic()),
         measured_cdr=sizes,
         memory_kib=outcome.memory_kib(),
+        strangers=outcome.strangers(),
         halted=outcome.halted,
         bag=str(bag),
     )

@@ -43,7 +43,8 @@ def on_error(s: Point32) -> None:
 
 def publish_fakes() -> None:
     names = ("join", "start", "stop", "end", "leave", "fault", "message_log", "recorded", "sensor/next", "sensor/go")
-    publishers = [node.create_publisher(String, f"/emulation/{name}", 10) for name in names]
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # fits every reader
+    publishers = [node.create_publisher(String, f"/emulation/{name}", latched) for name in names]
     texts = (
         "garbage",
         "[" * 3000,

@@ -98,6 +98,7 @@ def test_notes_of_others_are_ignored(tmp_path: Path, start: Start, lease: Domain
     scenario = load("wu2018", overrides=["duration_s=200"])
     over_ros = run_over_ros(scenario, tmp_path / "bag", RosOptions(domain=lease.domain))
     assert trace(over_ros.recording) == trace(run_in_process(scenario).recording)
+    assert over_ros.summary.strangers["/emulation/join"] >= 1
 
 
 def test_messages_that_are_sent_later_arrive_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

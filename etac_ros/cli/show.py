@@ -46,6 +46,8 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
         console.print()
     for name, count in summary.samples.items():
         console.print(f"{name}: {count:,} samples inside the module, which no message carries")
+    for topic, messages in summary.strangers.items():
+        console.print(f"{topic}: {messages:,} messages of others, not of this run, were ignored", soft_wrap=True)
     timing = summary.timing
     speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
     console.print(

@@ -154,6 +154,7 @@ class Summary(_Model):
     samples: dict[str, int] = Field(description="committed samples that a module took inside itself, without a message")
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
+    strangers: dict[str, int] = Field(description="messages by topic that were not of this run, and were ignored")
     bag: str | None
     published: list[PublishedValue] = Field(description="the paper's figures, where they stand beside this run")
     published_not: str = Field(description="why none of the paper's figures stand beside this run; empty if they do")
@@ -197,6 +198,7 @@ def summarise(
     plane: Mapping[str, tuple[str, int, int]] | None = None,
     measured_cdr: Mapping[str, int] | None = None,
     memory_kib: Mapping[str, int] | None = None,
+    strangers: Mapping[str, int] | None = None,
     halted: str = "",
     bag: str | None = None,
 ) -> Summary:
@@ -208,7 +210,7 @@ def summarise(
         What was run.
     recording
         What came of it.
-    engine, timing, memory_kib, halted, bag
+    engine, timing, memory_kib, strangers, halted, bag
         Taken over.
     plane
         Topics of the emulation plane: type, messages, CDR bytes.
@@ -245,6 +247,7 @@ def summarise(
         samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
         timing=timing,
         memory_kib=dict(memory_kib or {}),
+        strangers=dict(strangers or {}),
         bag=bag,
         published=[] if reason else [published_value(*item) for item in published.items()],
         published_not=reason if published else "",

@@ -50,6 +50,14 @@ class Outcome:
                 totals[topic] = (before[0] + messages, before[1] + size)
         return totals
 
+    def strangers(self) -> dict[str, int]:
+        """Messages on each topic that were not of this run, as the node counted them that saw the most."""
+        found: dict[str, int] = {}
+        for leave_note in self.leave_notes.values():
+            for topic, messages in leave_note["strangers"].items():
+                found[topic] = max(found.get(topic, 0), messages)
+        return found
+
     def memory_kib(self) -> dict[str, int]:
         """Peak memory of the process of each node."""
         return {name: int(leave_note["memory_kib"]) for name, leave_note in self.leave_notes.items()}
