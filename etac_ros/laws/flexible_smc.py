@@ -25,13 +25,16 @@ def _rate_and_surface(states, slope):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _torque(signal, per_rate, constant):  # type: ignore[no-untyped-def]
+def _torque(signal, per_rate, constant, width):  # type: ignore[no-untyped-def]
     out = np.empty(3)
     one_norm = abs(signal[0]) + abs(signal[1]) + abs(signal[2])
     gain = per_rate * one_norm + constant
     for j in range(3):
         s = signal[3 + j]
-        out[j] = -gain if s > 0.0 else (gain if s < 0.0 else 0.0)
+        if abs(s) < width:
+            out[j] = -gain * (s / width)
+        else:
+            out[j] = -gain if s > 0.0 else (gain if s < 0.0 else 0.0)
     return out
 
 
@@ -78,13 +81,17 @@ class EventTriggeredSlidingModeParameters(Parameters):
     """``alpha_1``."""
     beta_1_nms: NonNegativeFloat
     """``beta_1``."""
+    boundary_layer_rad_s: NonNegativeFloat = 0.0
+    """``phi``: ``sign(s)`` becomes ``sat(s / phi)``; 0 is the sign as printed."""
 
 
 class EventTriggeredSlidingMode:
     """Control law ``u = -{J* mu |omega(t_i)|_1 + C} sign(s(t_i))``, ``C = d_max + alpha_1 + beta_1 |omega(t_i)|_1``.
 
     The paper demands ``C`` to be at least that; the smallest is taken. A component of ``s`` that is zero gets no
-    torque.
+    torque. With the printed ``d_max`` no torque is below 1 N m, which the paper's own figures are: they look like
+    those of a law with a boundary layer, within which the torque falls linearly with ``s``, as sliding modes usually
+    have it and the paper does not say.
 
     Parameters
     ----------
@@ -99,6 +106,7 @@ class EventTriggeredSlidingMode:
     def __init__(self, parameters: EventTriggeredSlidingModeParameters, ticks_per_second: int) -> None:
         self._per_rate = parameters.inertia_bound_kg_m2 * parameters.mu_1_s + parameters.beta_1_nms
         self._constant = parameters.disturbance_bound_nm + parameters.alpha_1_nm
+        self._width = parameters.boundary_layer_rad_s
 
     def command(self, signal: FloatArray) -> FloatArray:
         """Torque [N m] in B for a received ``[omega, s]`` [rad/s].
@@ -111,5 +119,5 @@ class EventTriggeredSlidingMode:
         # The kernel does not check bounds.
         if signal.shape != (self.signal_size,):
             raise ValueError(f"the sliding mode needs [omega (3), s (3)]; the signal has the shape {signal.shape}")
-        result: FloatArray = _torque(np.ascontiguousarray(signal), self._per_rate, self._constant)
+        result: FloatArray = _torque(np.ascontiguousarray(signal), self._per_rate, self._constant, self._width)
         return result

@@ -6,7 +6,7 @@ and ``command(signal, tick)`` are both laws, ``evaluate(states)`` and ``evaluate
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -120,6 +120,15 @@ class LawWithMemory(Protocol):
 
     def watches(self, states: FloatArray, tick: int, memory: FloatArray) -> tuple[Watch, ...]:
         """Quantities of the law that have to stay within bounds, at each sample from ``tick`` on."""
+        ...
+
+
+@runtime_checkable
+class LawOfEvents(LawWithMemory, Protocol):
+    """A law with memory that also learns at triggering instants: its memory then depends on when it was heard."""
+
+    def after_event(self, state: FloatArray, tick: int, memory: FloatArray) -> FloatArray:
+        """Memory after a triggering instant at a tick; ``memory`` is that after the sample of the same tick."""
         ...
 
 

@@ -18,7 +18,10 @@ Readings of the paper
 - ``nabla_1`` of eq. (11) is printed as ``dT_i / dchi_i``. The derivative of ``eps_i`` by ``s_i`` would have a
   ``1 / rho_i`` as well; ``gradient: rho`` puts it in.
 - The arguments of tanh in eq. (18) are scalars, so both tanh multiply whole vectors.
-- Eq. (20) is integrated by explicit Euler steps of one tick: the controller is sampled, too.
+- Eq. (20) is integrated by explicit Euler steps of one tick: the controller is sampled, too. With ``adaptation_at:
+  events`` a step is made at triggering instants only, as abstract and third contribution say ("the control command and
+  the adaptive law are synchronously updated once the trigger condition is satisfied").
+- ``rho_i0 = |s_i(0)| + margin`` is the other reading, with which no start of Table 1 is outside; ``start: magnitude``.
 - The torque that the trigger watches is the one clipped to what the actuator can give.
 
 Memory
@@ -61,6 +64,7 @@ _LEAKAGE = 13  # gamma
 _ADAPTATION = 14  # Gamma
 _WIDTH = 15
 _OVER_RHO = 16  # 1.0 if nabla_1 has the factor 1 / rho, else 0.0
+_AT_EVENTS = 17  # 1.0 if the weights are updated at triggering instants only, else 0.0
 
 
 @inlined
@@ -86,6 +90,53 @@ def _used(states, tick, memory, p, ticks_per_second):  # type: ignore[no-untyped
     return out
 
 
+@inlined
+def _transformed(state, tick, rho_0, p, ticks_per_second, eps, nabla):  # type: ignore[no-untyped-def]
+    """``eps`` (10) and the diagonal of ``nabla_1`` (11), written."""
+    for i in range(3):
+        rho = _performance_bound(tick, rho_0[i], p, ticks_per_second)
+        chi = _filtered_error(state, i, p) / rho
+        chi = min(max(chi, -p[_INSIDE] * p[_A1]), p[_INSIDE] * p[_A2])
+        # log(exp(y) - 1) and its derivative, without the cancellation beside the bound.
+        eps[i] = math.log(math.expm1(chi + p[_A1])) - math.log(math.expm1(p[_A2] - chi))
+        nabla[i] = -1.0 / math.expm1(-(chi + p[_A1])) - 1.0 / math.expm1(-(p[_A2] - chi))
+        if p[_OVER_RHO] != 0.0:
+            nabla[i] /= rho
+
+
+@inlined
+def _activations(state, centres, p, activation):  # type: ignore[no-untyped-def]
+    """``H`` (13), written."""
+    for j in range(centres.size):
+        square = 0.0
+        for i in range(6):
+            distance = state[1 + i] - centres[j]
+            square += distance * distance
+        scale = math.sqrt(2.0 * math.pi * p[_WIDTH])
+        activation[j] = math.exp(-square / (2.0 * p[_WIDTH] * p[_WIDTH])) / scale
+
+
+@inlined
+def _learn(weights, eps, nabla, activation, p, ticks_per_second):  # type: ignore[no-untyped-def]
+    """One Euler step of eq. (20)."""
+    for j in range(activation.size):
+        for i in range(3):
+            slope = p[_ADAPTATION] * (activation[j] * eps[i] * nabla[i] - p[_LEAKAGE] * weights[3 * j + i])
+            weights[3 * j + i] += slope / ticks_per_second
+
+
+@kernel
+def _after_event(state, tick, memory, centres, p, ticks_per_second):  # type: ignore[no-untyped-def]
+    eps = np.empty(3)
+    nabla = np.empty(3)
+    activation = np.empty(centres.size)
+    _transformed(state, tick, memory, p, ticks_per_second, eps, nabla)
+    _activations(state, centres, p, activation)
+    out = memory.copy()
+    _learn(out[3:], eps, nabla, activation, p, ticks_per_second)
+    return out
+
+
 @kernel
 def _fold(states, tick, memory, centres, p, ticks_per_second):  # type: ignore[no-untyped-def]
     count = states.shape[0]
@@ -98,22 +149,8 @@ def _fold(states, tick, memory, centres, p, ticks_per_second):  # type: ignore[n
     activation = np.empty(neurons)
     tau_bar = np.empty(3)
     for k in range(count):
-        for i in range(3):
-            rho = _performance_bound(tick + k, memory[i], p, ticks_per_second)
-            chi = _filtered_error(states[k], i, p) / rho
-            chi = min(max(chi, -p[_INSIDE] * p[_A1]), p[_INSIDE] * p[_A2])
-            # log(exp(y) - 1) and its derivative, without the cancellation beside the bound.
-            eps[i] = math.log(math.expm1(chi + p[_A1])) - math.log(math.expm1(p[_A2] - chi))
-            nabla[i] = -1.0 / math.expm1(-(chi + p[_A1])) - 1.0 / math.expm1(-(p[_A2] - chi))
-            if p[_OVER_RHO] != 0.0:
-                nabla[i] /= rho
-        for j in range(neurons):
-            square = 0.0
-            for i in range(6):
-                distance = states[k, 1 + i] - centres[j]
-                square += distance * distance
-            scale = math.sqrt(2.0 * math.pi * p[_WIDTH])
-            activation[j] = math.exp(-square / (2.0 * p[_WIDTH] * p[_WIDTH])) / scale
+        _transformed(states[k], tick + k, memory, p, ticks_per_second, eps, nabla)
+        _activations(states[k], centres, p, activation)
         along = 0.0
         along_d = 0.0
         for i in range(3):
@@ -128,10 +165,8 @@ def _fold(states, tick, memory, centres, p, ticks_per_second):  # type: ignore[n
         for i in range(3):
             tau = -p[_ONE_PLUS_BETA] * (tau_bar[i] * share + p[_D_M + i] * share_d)
             torques[k, i] = min(max(tau, -p[_LIMIT]), p[_LIMIT])
-        for j in range(neurons):
-            for i in range(3):
-                slope = p[_ADAPTATION] * (activation[j] * eps[i] * nabla[i] - p[_LEAKAGE] * weights[3 * j + i])
-                weights[3 * j + i] += slope / ticks_per_second
+        if p[_AT_EVENTS] == 0.0:
+            _learn(weights, eps, nabla, activation, p, ticks_per_second)
         for i in range(3):
             memories[k, i] = memory[i]
         for i in range(3 * neurons):
@@ -149,6 +184,8 @@ class AdaptivePrescribedPerformanceParameters(Parameters):
     """Slope of ``s = omega + alpha q_e`` [1/s]."""
     margin_rad_s: PositiveFloat
     """``rho_i0 - s_i(0)``."""
+    start: Literal["signed", "magnitude"] = "signed"
+    """Whether ``rho_i0`` takes ``s_i(0)`` as printed, or ``|s_i(0)|``."""
     rho_infinity_rad_s: PositiveFloat
     """Where the performance bound ends."""
     mu: PositiveFloat
@@ -169,6 +206,8 @@ class AdaptivePrescribedPerformanceParameters(Parameters):
     """``gamma``."""
     adaptation: PositiveFloat
     """``Gamma`` is this times the unit matrix."""
+    adaptation_at: Literal["samples", "events"] = "samples"
+    """Whether the weights make a step at each sample, or at triggering instants only."""
     centres: tuple[FiniteFloat, ...] = Field(min_length=1)
     """``xi_j`` is this times a vector of ones; as many as there are neurons."""
     width: PositiveFloat
@@ -235,6 +274,7 @@ class AdaptivePrescribedPerformance:
                 parameters.adaptation,
                 parameters.width,
                 float(parameters.gradient == "rho"),
+                float(parameters.adaptation_at == "events"),
             ]
         )
 
@@ -254,7 +294,8 @@ class AdaptivePrescribedPerformance:
         parameters = self._parameters
         error = state[4:7] + parameters.alpha * state[1:4]
         memory = np.zeros(self.memory_size)
-        memory[0:3] = error + parameters.margin_rad_s
+        begins = np.abs(error) if parameters.start == "magnitude" else error
+        memory[0:3] = begins + parameters.margin_rad_s
         remedy = "start with a smaller rate on this axis, or with a larger margin_rad_s"
         for axis, s, rho in zip(_AXES, error, memory[0:3], strict=True):
             if rho <= parameters.rho_infinity_rad_s:
@@ -299,6 +340,29 @@ class AdaptivePrescribedPerformance:
         self._check(states, memory)
         torques, memories = _fold(states, tick, memory, self._centres, self._packed, self._ticks_per_second)
         return torques, memories
+
+    def after_event(self, state: FloatArray, tick: int, memory: FloatArray) -> FloatArray:
+        """Memory after a triggering instant: a step of the weights, if they make their steps at events only.
+
+        Parameters
+        ----------
+        state
+            State at the triggering instant, shape (7,), contiguous.
+        tick
+            Its tick.
+        memory
+            Memory after the sample of this tick; it is not changed.
+
+        Raises
+        ------
+        ValueError
+            If sizes do not fit.
+        """
+        if self._parameters.adaptation_at == "samples":
+            return memory
+        self._check(state[np.newaxis, :], memory)
+        result: FloatArray = _after_event(state, tick, memory, self._centres, self._packed, self._ticks_per_second)
+        return result
 
     def watches(self, states: FloatArray, tick: int, memory: FloatArray) -> tuple[Watch, ...]:
         """The performance variable ``chi_i = s_i / rho_i`` at each sample; its bound is that of the law itself.

@@ -61,12 +61,23 @@ class Exchange(StrEnum):
     """As broadcast; besides, who triggers asks its neighbours, and they reply to it alone."""
 
 
+class RenewedBy(StrEnum):
+    """Whose triggering instants renew the torque of a spacecraft."""
+
+    OWN = "own"
+    """Its own alone (xie2021, remark 3)."""
+    NEIGHBOURS = "neighbours"
+    """Also those of the neighbours that it hears (as in reference [18] of xie2021): the signal goes to the controller
+    on the port ``renewal``. That is no triggering instant, and the rule goes on comparing with what its own brought."""
+
+
 class FormationSensorParameters(Parameters):
     """Parameters of :class:`FormationSensor` beside its signal and its trigger rule."""
 
     neighbours: tuple[str, ...] = Field(default=(), description="names of the input ports, in the order of the weights")
     listeners: tuple[str, ...] = Field(default=(), description="who may ask; only where states are pulled")
     exchange: Exchange = Exchange.BROADCAST
+    renewed_by: RenewedBy = Field(default=RenewedBy.OWN, description="own or neighbours")
     reply_within_ticks: NonNegativeInt = Field(default=0, description="how long a reply is waited for")
 
 
@@ -103,9 +114,16 @@ class FormationSensor(Module):
         self.trigger = trigger
         self._own = parameters
         self._pulls = parameters.exchange is Exchange.PULL
+        self._renews = parameters.renewed_by is RenewedBy.NEIGHBOURS
+        if self._renews and parameters.exchange is not Exchange.BROADCAST:
+            raise ValueError(
+                f"renewed_by: neighbours goes with exchange: broadcast, and the exchange is {parameters.exchange}"
+            )
         size = signal.broadcast_size
         self.inputs = dict.fromkeys(parameters.neighbours, size)
         self.outputs = {"state": size, "feedback": signal.size}
+        if self._renews:
+            self.outputs["renewal"] = signal.size
         self._places = {name: place for place, name in enumerate(parameters.neighbours)}
         if self._pulls:
             self.inputs |= {f"reply_{name}": size for name in parameters.neighbours}
@@ -179,6 +197,8 @@ class FormationSensor(Module):
                 outputs[port] = self._broadcast(row)
         if self._waits and (replied or not self._pulls or not self._places):
             outputs["feedback"] = self._form(tick, row)
+        elif self._renews and self.hold.sent is not None and arrivals:
+            outputs["renewal"] = self.wire("renewal").rounded(self._signals(row, tick)[0])
         return outputs
 
     @property

@@ -6,19 +6,22 @@ and eq. 21): the way from sensor to controller is inside the module, the network
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
 from etac_ros.graph.promises import Component, first_broken, shown
 from etac_ros.graph.role import Role
-from etac_ros.laws.law import LawWithMemory
+from etac_ros.laws.law import LawOfEvents, LawWithMemory
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch, rows_left, words
-from etac_ros.triggers.rule import AnyRule
+from etac_ros.triggers.rule import AnyRule, PartialRule
+
+_AT_ONCE = 256
+"""Samples that are folded at once in a replay: a triggering instant discards what lies behind it."""
 
 
 class SensingControllerParameters(Parameters):
@@ -127,7 +130,12 @@ class SensingController(Module):
         if not np.isfinite(committed.command).all() and np.isfinite(sample).all():
             found = f"gives {committed.command.tolist()} at tick {tick} for a state of finite numbers"
             raise self._component.broken("fold", found, "finite numbers")
-        return {"command": self.hold.send(committed.command, tick)}
+        sent = self._send(self.hold, committed.command, tick)
+        if isinstance(self.law, LawOfEvents):
+            memory = self.law.after_event(np.ascontiguousarray(sample), tick, committed.memory)
+            self._committed = replace(committed, memory=memory)
+            self._ahead = None  # what was seen ahead followed from the memory before
+        return {"command": sent}
 
     @property
     def watched_label(self) -> str:
@@ -151,7 +159,7 @@ class SensingController(Module):
         ahead = self._look(window)
         if ahead.first != window.start:
             raise ValueError(f"the law's memory is that after tick {self._committed.tick}; it does not go back")
-        return ahead.commands
+        return self._replayed(window.samples, window.start)[0] if isinstance(self.law, LawOfEvents) else ahead.commands
 
     def watches(self, window: Window) -> tuple[Watch, ...]:
         """Quantities of the law at each sample, which have to stay within bounds."""
@@ -160,6 +168,41 @@ class SensingController(Module):
     def held_by(self, value: FloatArray, tick: int) -> FloatArray:
         """What the trigger rule compares with after a message: its value."""
         return value
+
+    def _send(self, hold: Hold, command: FloatArray, tick: int) -> FloatArray:
+        """Take a command for sent at a triggering instant: all of it, or the part that the rule renews."""
+        rule = getattr(self.trigger, "rule", self.trigger)  # times around a rule decide nothing about parts
+        if hold.sent is not None and isinstance(rule, PartialRule):
+            command = rule.renewed(command, tick, hold.sent)
+        return hold.send(command, tick)
+
+    def memories(self, samples: FloatArray, first: int) -> FloatArray:
+        """The law's memory before each of all samples of a run from its first on, shape (n, memory_size).
+
+        Asked on a fresh graph, which no engine has run.
+        """
+        return self._replayed(samples, first)[1]
+
+    def _replayed(self, all_samples: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
+        """The command at each sample, and the memory before it, with the triggering instants in between made anew."""
+        memory, hold = self._committed.memory, Hold(self, "command", self.trigger)
+        parts, before, row = [], [], 0
+        while row < len(all_samples):
+            tick = first + row
+            samples = np.ascontiguousarray(all_samples[row : row + _AT_ONCE])
+            commands, memories = self.law.fold(samples, tick, memory)
+            fires = hold.first(commands, tick)
+            last = len(samples) - 1 if fires is None else fires - tick
+            parts.append(commands[: last + 1])
+            before += [memory[np.newaxis], memories[:last]]
+            memory = memories[last]
+            hold.advance(commands[: last + 1], tick)
+            if fires is not None:
+                self._send(hold, commands[last], fires)
+                if isinstance(self.law, LawOfEvents):
+                    memory = self.law.after_event(samples[last], fires, memory)
+            row += last + 1
+        return np.concatenate(parts), np.concatenate(before)
 
     def _look(self, window: Window) -> _Ahead:
         """Fold the law over a copy of its memory, through the samples that are not committed."""

@@ -1,8 +1,12 @@
 """Threshold on each component, falling with time: ``|tau_i - u_i| >= beta |u_i| + exp(-delta t)`` (shi2022 eq. 21).
 
+The exponential begins at 1 N m as printed, or at another value. The condition before eq. (35) asks ``D_m`` to exceed
+what the exponential leaves, so that with the printed ``D_m`` 1 N m is excluded by the paper's own proof.
+
 The paper writes "for all i" beside the inequality. Read as "fires when all axes have reached their thresholds", an
 axis whose torque hardly changes keeps the others from being updated, and the law leaves its performance bound within
-seconds. Read as "each axis has to stay below its own", it fires when any axis reaches it, which is the default.
+seconds. Read as "each axis has to stay below its own", it fires when any axis reaches it, which is the default. Then
+all axes are renewed, or each by itself, where the others keep what they hold.
 """
 
 from __future__ import annotations
@@ -38,9 +42,9 @@ def _decisive(tau, u, beta, floor, every):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _first(signals, tick, held, beta, delta, every, ticks_per_second):  # type: ignore[no-untyped-def]
+def _first(signals, tick, held, beta, absolute, delta, every, ticks_per_second):  # type: ignore[no-untyped-def]
     for k in range(signals.shape[0]):
-        floor = math.exp(-delta * seconds(tick + k, ticks_per_second))
+        floor = absolute * math.exp(-delta * seconds(tick + k, ticks_per_second))
         error, threshold = _decisive(signals[k], held, beta, floor, every)
         if error >= threshold:
             return k
@@ -48,13 +52,23 @@ def _first(signals, tick, held, beta, delta, every, ticks_per_second):  # type: 
 
 
 @kernel
-def _margin(signals, tick, held, beta, delta, every, ticks_per_second):  # type: ignore[no-untyped-def]
+def _margin(signals, tick, held, beta, absolute, delta, every, ticks_per_second):  # type: ignore[no-untyped-def]
     errors = np.empty(signals.shape[0])
     thresholds = np.empty(signals.shape[0])
     for k in range(signals.shape[0]):
-        floor = math.exp(-delta * seconds(tick + k, ticks_per_second))
+        floor = absolute * math.exp(-delta * seconds(tick + k, ticks_per_second))
         errors[k], thresholds[k] = _decisive(signals[k], held, beta, floor, every)
     return errors, thresholds
+
+
+@kernel
+def _renewed(value, tick, held, beta, absolute, delta, ticks_per_second):  # type: ignore[no-untyped-def]
+    floor = absolute * math.exp(-delta * seconds(tick, ticks_per_second))
+    out = held.copy()
+    for i in range(value.size):
+        if abs(value[i] - held[i]) >= beta * abs(held[i]) + floor:
+            out[i] = value[i]
+    return out
 
 
 class ComponentThresholdParameters(Parameters):
@@ -63,8 +77,13 @@ class ComponentThresholdParameters(Parameters):
     beta: float = Field(gt=0.0, lt=1.0)
     """Part of the threshold that is relative to the held torque."""
     delta: PositiveFloat
-    """Decay [1/s] of the absolute part, which begins at 1 N m; the same on all axes."""
-    axes: Literal["any", "all"] = Field(default="any", description="any: one axis is enough; all: all of them at once")
+    """Decay [1/s] of the absolute part; the same on all axes."""
+    absolute_nm: PositiveFloat = 1.0
+    """What the absolute part begins at [N m]; printed: 1."""
+    axes: Literal["any", "all", "each"] = Field(
+        default="any",
+        description="any: one axis is enough to renew all; all: all of them at once; each: an axis renews itself alone",
+    )
 
 
 class ComponentThreshold:
@@ -81,9 +100,9 @@ class ComponentThreshold:
     Parameters = ComponentThresholdParameters
 
     def __init__(self, parameters: ComponentThresholdParameters, ticks_per_second: int) -> None:
-        self._beta = parameters.beta
-        self._delta = parameters.delta
+        self._rule = (parameters.beta, parameters.absolute_nm, parameters.delta)
         self._every = parameters.axes == "all"
+        self._alone = parameters.axes == "each"
         self._ticks_per_second = ticks_per_second
 
     def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
@@ -106,7 +125,7 @@ class ComponentThreshold:
             If sizes do not fit.
         """
         self._check(signals, held)
-        return int(_first(signals, tick, held, self._beta, self._delta, self._every, self._ticks_per_second))
+        return int(_first(signals, tick, held, *self._rule, self._every, self._ticks_per_second))
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``|tau_i - u_i|`` and its threshold [N m] at each sample, both of shape (n,), on the axis that decides.
@@ -115,8 +134,15 @@ class ComponentThreshold:
         one with the smallest.
         """
         self._check(signals, held)
-        errors, thresholds = _margin(signals, tick, held, self._beta, self._delta, self._every, self._ticks_per_second)
+        errors, thresholds = _margin(signals, tick, held, *self._rule, self._every, self._ticks_per_second)
         return errors, thresholds
+
+    def renewed(self, value: FloatArray, tick: int, held: FloatArray) -> FloatArray:
+        """What is transmitted at a triggering instant: all of the torque, or only the axes that fire."""
+        if not self._alone:
+            return value
+        result: FloatArray = _renewed(value, tick, held, *self._rule, self._ticks_per_second)
+        return result
 
     def _check(self, signals: FloatArray, held: FloatArray) -> None:
         # The kernels do not check bounds.

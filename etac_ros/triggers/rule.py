@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -74,3 +74,12 @@ class RuleWithMemory(Protocol):
 
 
 AnyRule = TriggerRule | RuleWithMemory
+
+
+@runtime_checkable
+class PartialRule(TriggerRule, Protocol):
+    """A rule by which a triggering instant may renew a part of the held value only."""
+
+    def renewed(self, value: FloatArray, tick: int, held: FloatArray) -> FloatArray:
+        """What is transmitted of a value at a triggering instant, where something was held before."""
+        ...
