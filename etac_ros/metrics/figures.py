@@ -22,6 +22,7 @@ _LABELS = {
     "energy_n2m2s": "energy [N²m²s]",
     "energy_reduction_percent": "less energy [%]",
     "trigger_reduction_percent": "fewer triggers [%]",
+    "sent_reduction_percent": "smaller sum of |u(t_k)| [%]",
     "attitude_error_deg": "error at the end [deg]",
     "max_attitude_error_deg": "steady error [deg]",
     "max_rate_deg_s": "steady rate [deg/s]",
@@ -29,7 +30,7 @@ _LABELS = {
     "baseline_more_energy_n2m2s": "baseline's energy beyond this [N²m²s]",
 }
 INTERVALS = ("min_interval_s", "mean_interval_s", "steady_mean_interval_s", "max_interval_s")
-OF_SENSORS = frozenset({"triggers", *INTERVALS, "trigger_reduction_percent"})
+OF_SENSORS = frozenset({"triggers", *INTERVALS, "trigger_reduction_percent", "sent_reduction_percent"})
 """Figures that every module has which triggers."""
 _STAND_ALONE = frozenset(
     {

@@ -13,12 +13,12 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
-from etac_ros.graph.replay import energy, held_inputs, last_sent, trigger_ticks
+from etac_ros.graph.replay import energy, held_inputs, last_sent, sent_at_triggers, trigger_ticks
 from etac_ros.metrics.figures import OF_SENSORS, FigureKey, key_of
 from etac_ros.modules.sensor import Sensor
 from etac_ros.modules.triggering import triggering_modules
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import bodies_of, errors_of, has_attitude
+from etac_ros.plants.plant import bodies_of, driven_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.load import Scenario
@@ -29,6 +29,7 @@ RATE = "rate"
 TORQUE = "torque"
 ATTITUDE_COMPONENTS = "attitude components"
 RATE_RAD_S = "rate in rad/s"
+EULER_ANGLES_RAD = "Euler angles in rad"
 SIGNAL = "signal"
 HOLD_ERROR = "hold error"
 
@@ -76,6 +77,11 @@ def _alike(graph: Graph, node: str | None) -> tuple[str, ...]:
     return graph.plants if node in graph.plants else triggering_modules(graph)
 
 
+def sum_of_sent(graph: Graph, recording: Recording, module: str) -> float:
+    """Norms of what a module sent at its triggering instants, added up."""
+    return float(sum(np.linalg.norm(message.value) for message in sent_at_triggers(graph, recording, module)))
+
+
 def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[int, tuple[Watch, ...]]:
     """First tick and watched quantities of a module over the committed samples of its plant."""
     plant = module if module in graph.plants else graph.reads.get(module)
@@ -103,8 +109,9 @@ def quantity(graph: Graph, recording: Recording, node: str, name: str) -> tuple[
         A plant, or a module that watches something.
     name
         ``attitude error`` [deg], ``attitude components`` (of the error, as in the state), ``rate`` [deg/s], ``rate in
-        rad/s`` or ``torque`` [N m] of a plant, ``attitude of BODY`` [deg] and ``rate of BODY`` [deg/s] where it has
-        several, ``signal`` and ``hold error`` of a sensor, or what the node watches.
+        rad/s``, ``Euler angles in rad`` or ``torque`` [N m] of a plant, ``attitude of BODY`` [deg] and ``rate of
+        BODY`` [deg/s] where it has several, what it says of states and torque together, ``signal`` and ``hold error``
+        of a sensor, or what the node watches.
 
     Raises
     ------
@@ -151,6 +158,8 @@ def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callab
             of_bodies[f"attitude of {body.name}"] = partial(_in_degrees, body.euler_angles, errors)
             of_bodies[f"rate of {body.name}"] = partial(_in_degrees, body.rates, errors)
     of_bodies[TORQUE] = lambda: held_torque(graph, recording, node)
+    for name, of_torques in driven_of(plant, states, first).items():
+        of_bodies[name] = partial(_under_torque, of_torques, graph, recording, node)
     if not has_attitude(plant):
         return of_bodies
     return {
@@ -159,7 +168,14 @@ def _of_plant(graph: Graph, recording: Recording, node: str) -> dict[str, Callab
         RATE: lambda: np.degrees(errors[:, plant.rate_slice]),
         ATTITUDE_COMPONENTS: lambda: errors[:, plant.attitude_slice],
         RATE_RAD_S: lambda: errors[:, plant.rate_slice],
+        EULER_ANGLES_RAD: lambda: plant.euler_angles(errors),
     }
+
+
+def _under_torque(
+    of_torques: Callable[[FloatArray], FloatArray], graph: Graph, recording: Recording, node: str
+) -> FloatArray:
+    return of_torques(held_torque(graph, recording, node))
 
 
 def _in_degrees(angles: Callable[[FloatArray], FloatArray], states: FloatArray) -> FloatArray:

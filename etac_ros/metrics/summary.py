@@ -18,7 +18,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
-from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, watches_of_module
+from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
 from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.load import Scenario
 from etac_ros.scenario.schema import PublishedFigure
@@ -40,6 +40,7 @@ class Triggers(_Model):
     mean_interval_s: float | None
     max_interval_s: float | None
     steady_mean_interval_s: float | None = Field(description="mean inter-event time of the steady part")
+    sum_of_sent: float = Field(description="norms of what was sent at these instants, added up, in its unit")
     times_s: list[float]
 
 
@@ -259,7 +260,7 @@ def summarise(
 
 def published_value(key: FigureKey, figure: PublishedFigure) -> PublishedValue:
     """A figure of the paper as the summary holds it."""
-    kept = figure.model_dump(exclude={"measure", "figure", "node"})
+    kept = figure.model_dump(exclude={"measure", "figure", "node", "kind", "fitted_to"})
     return PublishedValue(figure=key.name, node=key.node, **kept)
 
 
@@ -304,6 +305,7 @@ def _against(summary: Summary, baseline: Summary) -> dict[FigureKey, float]:
     for name, triggers in summary.triggers.items():
         if name in baseline.triggers:
             less = _less("trigger_reduction_percent", triggers.count, baseline.triggers[name].count)
+            less |= _less("sent_reduction_percent", triggers.sum_of_sent, baseline.triggers[name].sum_of_sent)
             keys |= {key_of(figure, name, summary.triggers): value for figure, value in less.items()}
     return keys
 
@@ -396,6 +398,7 @@ def _triggers(graph: Graph, recording: Recording, steady: int) -> dict[str, Trig
             mean_interval_s=float(gaps.mean()) if gaps.size else None,
             max_interval_s=float(gaps.max()) if gaps.size else None,
             steady_mean_interval_s=float(late.mean()) if late.size else None,
+            sum_of_sent=sum_of_sent(graph, recording, name),
             times_s=seconds(ticks, graph.ticks_per_second).tolist(),
         )
     return found

@@ -39,7 +39,7 @@ The paper prints the unit of ``delta`` as kg^1/2 m/s^2. For eqs. (7) and (8) to 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -53,6 +53,7 @@ from etac_ros.maths.mrp import (
     switch_shadow,
 )
 from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import (
     FloatArray,
@@ -149,6 +150,32 @@ def _perturbed(mrps, rotations):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _overall_disturbance(states, tick, torques, p, nominal, ticks_per_second):  # type: ignore[no-untyped-def]
+    """``d`` of eq. (22): what a rigid body of the nominal inertia would have to feel to move as this one does."""
+    out = np.empty((states.shape[0], 3))
+    rate = np.empty(14)
+    momentum = np.empty(3)
+    gyroscopic = np.empty(3)
+    inertial = np.empty(3)
+    for k in range(states.shape[0]):
+        _derivative(seconds(tick + k, ticks_per_second), states[k], torques[k], p, rate)
+        multiply(nominal, states[k, 3:6], momentum)
+        cross(states[k, 3:6], momentum, gyroscopic)
+        multiply(nominal, rate[3:6], inertial)
+        for i in range(3):
+            out[k, i] = inertial[i] + gyroscopic[i] - torques[k, i]
+    return out
+
+
+@kernel
+def _turned(values, matrix):  # type: ignore[no-untyped-def]
+    out = np.empty_like(values)
+    for k in range(values.shape[0]):
+        multiply(matrix, values[k], out[k])
+    return out
+
+
+@kernel
 def _norms(values):  # type: ignore[no-untyped-def]
     out = np.empty((values.shape[0], 1))
     for i in range(values.shape[0]):
@@ -234,6 +261,11 @@ class FlexibleParameters(Parameters):
     def mass_matrix_kg_m2(self) -> FloatArray:
         """``J - delta' delta`` [kg m^2], shape (3, 3)."""
         return self.true_inertia_kg_m2 - self.coupling_matrix.T @ self.coupling_matrix
+
+    @property
+    def nominal_mass_matrix_kg_m2(self) -> FloatArray:
+        """``J0 - delta' delta`` [kg m^2] of eqs. (18) to (22), shape (3, 3): what the paper's law takes for known."""
+        return square(self.inertia_kg_m2) - self.coupling_matrix.T @ self.coupling_matrix
 
 
 class Flexible:
@@ -328,6 +360,24 @@ class Flexible:
             _norm_of("angular velocity", "rad/s", states[:, RATE]),
             _norm_of("modal coordinates", "kg^1/2 m", states[:, MODES]),
         )
+
+    def driven(self, states: FloatArray, tick: int) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
+        """The overall disturbance ``d`` [N m] of eqs. (22) and (23), and the acceleration that it makes [rad/s^2]."""
+        nominal = self._parameters.nominal_mass_matrix_kg_m2
+        seen = np.ascontiguousarray(states)
+
+        def disturbance(torques: FloatArray) -> FloatArray:
+            given = np.ascontiguousarray(torques)
+            result: FloatArray = _overall_disturbance(
+                seen, tick, given, self._packed, nominal.ravel(), self._ticks_per_second
+            )
+            return result
+
+        def acceleration(torques: FloatArray) -> FloatArray:
+            result: FloatArray = _turned(disturbance(torques), np.linalg.inv(nominal).ravel())
+            return result
+
+        return {"overall disturbance": disturbance, "overall disturbance as acceleration": acceleration}
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad], shape (n, 3)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, TypeGuard
 
@@ -129,6 +129,20 @@ def modes_slice_of(plant: Plant) -> slice:
     """Where a plant's modal coordinates stand in its state; an empty slice where it has none."""
     found: slice = getattr(plant, "modes_slice", slice(0, 0))
     return found
+
+
+class DrivenPlant(Plant, Protocol):
+    """A plant with quantities that follow from states and torque together, for figures of a recorded run."""
+
+    def driven(self, states: FloatArray, tick: int) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
+        """By name, what gives the quantity at states from ``tick`` on: a function of the torques, shape (n, m)."""
+        ...
+
+
+def driven_of(plant: Plant, states: FloatArray, tick: int) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
+    """Quantities of a plant that follow from states and torque; none where it does not say."""
+    driven = getattr(plant, "driven", None)
+    return {} if driven is None else dict(driven(states, tick))
 
 
 @dataclass(frozen=True)
