@@ -12,7 +12,8 @@
 
 Mappings merge key by key; one that names another ``class`` than stood there replaces. The figures of the paper
 (``published``) are those of the file for the file and for a variant that changes nothing; every other variant, and the
-baseline, has its own or none.
+baseline, has its own or none. Its own may be ``of`` another variant, another reading of the same experiment: the same
+figures, without what is said of them with regard to that reading.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
+from etac_ros.errors import ScenarioError
 from etac_ros.scenario.document import (
     EVERYWHERE,
     Tree,
     assigned,
+    choice,
     has_place,
     laid_over,
     merged,
@@ -104,7 +107,7 @@ def laid(layers: Layers, run_keys: Collection[str], baseline: str | None = None)
     sections = file
     if layers.variant is not None:
         sections = with_variant(file, layers.variant, where, run_keys)
-        sections = _with_own_figures(file, sections, variants_of(file, where)[layers.variant])
+        sections = _with_own_figures(file, sections, layers.variant, where)
     templates = [
         text for text in layers.overrides if has_place(sections, text, run_keys) and not of_one(sections, text)
     ]
@@ -130,17 +133,48 @@ def laid(layers: Layers, run_keys: Collection[str], baseline: str | None = None)
     return Laid(sections, changed, notes)
 
 
-def _with_own_figures(file: Tree, sections: Tree, block: Tree) -> Tree:
+def _with_own_figures(file: Tree, sections: Tree, variant: str, where: str) -> Tree:
     """The sections without the figures that the paper publishes for the file as it stands.
 
-    Only a block that changes nothing keeps them.
+    Only a variant that changes nothing keeps them.
     """
+    block = variants_of(file, where)[variant]
     published = file[EVERYWHERE].get(PUBLISHED)
     if not block or not isinstance(published, dict):
         return sections
     kept = {key: value for key, value in published.items() if key == "source"}
-    own = merged(kept, block.get(PUBLISHED) or {})
+    given = dict(block.get(PUBLISHED) or {})
+    if "of" in given:
+        given = merged(_figures_of(str(given.pop("of")), file, variant, where), given)
+    own = merged(kept, given)
     return {**sections, EVERYWHERE: {**sections[EVERYWHERE], PUBLISHED: own}}
+
+
+def _figures_of(other: str, file: Tree, variant: str, where: str) -> Tree:
+    """The figures of another variant; of one that changes nothing, those of the file as it stands."""
+    variants = variants_of(file, where)
+    if other not in variants or other == variant:
+        others = [name for name in variants if name != variant]
+        key = f"{where}: {EVERYWHERE}.variants.{variant}.{PUBLISHED}.of"
+        raise ScenarioError(key, f"found '{other}'", choice(other, others))
+    block = variants[other]
+    published = (block.get(PUBLISHED) if block else file[EVERYWHERE].get(PUBLISHED)) or {}
+    return {name: _without_reading(value) for name, value in published.items() if name != "of"}
+
+
+_OF_A_READING = ("reason", "fitted_to")
+"""What is said of a published figure with regard to one reading of the paper."""
+
+
+def _without_reading(value: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    fitted = "fitted_to" in value
+    return {
+        key: _without_reading(item)
+        for key, item in value.items()
+        if key not in _OF_A_READING and not (fitted and key == "kind")
+    }
 
 
 def _with_baseline(
@@ -154,7 +188,7 @@ def _with_baseline(
         section: _exchanged(body, alone[section], by_section[section]) if section in by_section else body
         for section, body in sections.items()
     }
-    result = _with_own_figures(file, result, block)
+    result = _with_own_figures(file, result, name, where)
     return result, tuple(place for place in _places(by_section) if place[:2] != (EVERYWHERE, PUBLISHED))
 
 

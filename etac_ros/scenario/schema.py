@@ -97,6 +97,22 @@ class Measure(Parameters):
         return self
 
 
+class FigureKind(StrEnum):
+    """What kind of a figure a published one is: only the first four say anything when they are met."""
+
+    COUNT = "count"
+    """Of events: chaotic, one draw of many."""
+    CONTINUOUS = "continuous"
+    LIMIT = "limit"
+    """The paper says that it is kept."""
+    PERCENTAGE = "percentage"
+    """Of a count, with which it stands or falls."""
+    CONSTRUCTED = "constructed"
+    """Follows from what the scenario prescribes, whatever the law does."""
+    FITTED = "fitted"
+    """A parameter was chosen so that this very figure is met."""
+
+
 class PublishedFigure(Parameters):
     """A figure of the paper, and the band in which a single draw of it may lie."""
 
@@ -113,6 +129,33 @@ class PublishedFigure(Parameters):
     where: str = Field(default="", description="where the paper prints it: table, figure, section")
     reason: str = Field(default="", description="why it is not reproduced, or cannot be tested")
     measure: Measure | None = Field(default=None, description="how it is measured, where its name does not say it")
+    kind: FigureKind | None = Field(
+        default=None,
+        description="limit and constructed have to be said; default: count, percentage or continuous, by the name",
+    )
+    fitted_to: str = Field(default="", description="what was chosen so that this figure is met; only where it was")
+
+    def kind_as(self, name: str) -> FigureKind:
+        """Its kind under the name of the measured figure: as said, or as the name has it.
+
+        A band from 0 to the value makes no limit by itself: that has to be said.
+        """
+        if self.fitted_to:
+            return FigureKind.FITTED
+        if self.kind is not None:
+            return self.kind
+        if "percent" in name:
+            return FigureKind.PERCENTAGE
+        counted = name.startswith(("triggers", "network_", "baseline_messages", "baseline_more_triggers"))
+        return FigureKind.COUNT if counted else FigureKind.CONTINUOUS
+
+    @model_validator(mode="after")
+    def _fit(self) -> PublishedFigure:
+        if self.fitted_to and self.kind not in (None, FigureKind.FITTED):
+            raise ValueError(f"what is fitted ({self.fitted_to}) has the kind fitted, not {self.kind}")
+        if self.kind is FigureKind.FITTED and not self.fitted_to:
+            raise ValueError("the kind fitted needs the key 'fitted_to': what was chosen so that this figure is met")
+        return self
 
     @model_validator(mode="after")
     def _band(self) -> PublishedFigure:
