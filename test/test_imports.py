@@ -32,6 +32,7 @@ FLOORS = [
     "metrics",
     "runs",
     "check",
+    "theorems",
     "report",
     "sweep",
     "reproduce",

@@ -104,7 +104,7 @@ def test_every_figure_is_on_the_page_light_and_dark_and_in_words(html: Path) -> 
     shown = [attributes["id"] for attributes in tags.named("figure")]
     assert shown == [
         "overview", "attitude", "rate", "torque", "signal", "network", "margin", "intervals", "bytes", "raster",
-        "energy",
+        "energy", "lyapunov",
     ]  # fmt: skip
     for picture in (tags.named("img"), tags.named("source")):
         assert len(picture) == len(shown)
@@ -132,7 +132,7 @@ def test_the_same_bag_gives_the_same_bytes_wherever_it_lies(html: Path, folder: 
     assert again == tmp_path / "elsewhere" / "index.html"
     assert again.read_bytes() == html.read_bytes()
     names = [picture.name for picture in html.parent.glob("*.png")]
-    assert len(names) == 11
+    assert len(names) == 12
     for name in names:
         assert (again.parent / name).read_bytes() == (html.parent / name).read_bytes()
 

@@ -178,6 +178,20 @@ def reproduce(
 
 
 @app.command()
+def theorems(
+    scenario: Annotated[str | None, typer.Argument(help="Which; default: all of the papers.")] = None,
+    variant: Variant = None,
+    set_: Set = None,
+    write: Annotated[Path | None, typer.Option(help="Write the tables as Markdown.")] = None,
+) -> None:
+    """Compute every bound that the papers prove, and check it along a run."""
+    from etac_ros.cli.show import make_console
+    from etac_ros.cli.theorems import theorems as theorems_
+
+    theorems_(scenario, variant, set_ or (), make_console(), write)
+
+
+@app.command()
 def tradeoff(
     scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all with a section tradeoff.")] = None,
     runs: Annotated[int, typer.Option(min=1, help="Perturbed runs at each point.")] = 5,

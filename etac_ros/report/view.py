@@ -12,6 +12,8 @@ from etac_ros.metrics.figures import FigureKey
 from etac_ros.metrics.summary import PublishedValue
 from etac_ros.modules.triggering import triggering_modules
 from etac_ros.report.source import ReportedRun
+from etac_ros.theorems.bound import Lyapunov
+from etac_ros.theorems.papers import theorems_of
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,16 @@ class View:
         """What the trigger rule of each module compared, where it compares anything."""
         found = {name: margins(self.run.graph, shown, name) for name, shown in self.decisions.items()}
         return {name: compared for name, compared in found.items() if compared is not None}
+
+    @cached_property
+    def lyapunov(self) -> Lyapunov | None:
+        """The Lyapunov function of the paper's theorem; None where there is none, or the run is cut off.
+
+        None as well where classes of others were not imported: the theorems build the scenario.
+        """
+        run = self.run
+        found = theorems_of(run.scenario, run.recording) if run.is_complete and not run.left_out else None
+        return None if found is None else found.lyapunov
 
     @property
     def baseline(self) -> ReportedRun | None:

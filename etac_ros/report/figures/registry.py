@@ -5,6 +5,7 @@ from __future__ import annotations
 from etac_ros.report.figures import (
     energy,
     intervals,
+    lyapunov,
     margin,
     modes,
     network,
@@ -34,4 +35,5 @@ FIGURES: tuple[FigureKind, ...] = (
     volume.FIGURE,
     raster.FIGURE,
     energy.FIGURE,
+    lyapunov.FIGURE,
 )
