@@ -1,0 +1,48 @@
+"""Numbers that stand in reasons, in the README and in the docs are those that their commands give."""
+
+from __future__ import annotations
+
+import claims
+import pytest
+
+ALL, QUOTES = claims.read()
+FAST = [claim for claim in ALL if not claim.slow]
+
+
+@pytest.mark.parametrize("claim", FAST, ids=lambda claim: claim.says)
+def test_a_claim_is_what_its_run_gives(claim: claims.Claim) -> None:
+    assert claims.faults(claim) == []
+
+
+@pytest.mark.parametrize("claim", [claim for claim in ALL if claim.slow], ids=lambda claim: claim.says)
+def test_a_claim_that_takes_long_stands_where_it_says(claim: claims.Claim) -> None:
+    for name in claim.files:
+        assert claim.says in claims.flowing((claims.ROOT / name).read_text(encoding="utf-8")), name
+
+
+@pytest.mark.parametrize("name", [f"config/{path.name}" for path in sorted((claims.ROOT / "config").glob("*.yaml"))])
+def test_no_number_stands_in_a_reason_without_a_claim_or_a_source(name: str) -> None:
+    assert claims.unfounded(name, ALL, QUOTES[name]) == []
+
+
+def test_a_wrong_number_is_found() -> None:
+    right = FAST[0]
+    wrong = claims.Claim(
+        right.says.replace("84", "85"), right.files, right.scenario, right.variants, right.overrides, right.gives, False
+    )
+    found = claims.faults(wrong)
+    assert any("does not stand in" in fault for fault in found)
+    assert any("says 85, and the run gives 84" in fault for fault in found)
+
+
+def test_a_number_without_a_claim_is_found() -> None:
+    found = claims.unfounded("config/qi2022.yaml", [], QUOTES["config/qi2022.yaml"])
+    assert any("12.45" in fault for fault in found)
+
+
+@pytest.mark.parametrize(
+    ("value", "printed", "holds"),
+    [(84.0, "84", True), (84.4, "84", True), (84.6, "84", False), (0.0112, "1.1e-2", True), (1999.6, "2,000", True)],
+)
+def test_a_value_rounds_to_what_is_printed(value: float, printed: str, holds: bool) -> None:
+    assert claims.rounds_to(value, printed) == holds
