@@ -209,8 +209,8 @@ def test_large_angle_switches_once_goes_on_and_settles() -> None:
 
 
 def test_sliding_mode_needs_far_more_of_everything() -> None:
-    """The paper: 2118 updates and an energy of 6.96e3 against 270 and 2.56. Only their order comes out."""
-    short = run("smc", "duration_s=20.0").summary
+    """The paper: 2118 updates and an energy of 6.96e3 against 270 and 2.56. With a sign only their order comes out."""
+    short = run("smc-sign", "duration_s=20.0").summary
     proposed = run(None, "duration_s=20.0").summary
     assert short.triggers["/sensor"].count > 10 * proposed.triggers["/sensor"].count
     assert short.performance["/plant"].energy_n2m2s > 1000.0 * proposed.performance["/plant"].energy_n2m2s
@@ -241,7 +241,7 @@ def test_numbers_are_the_papers() -> None:
 
 
 def test_sliding_mode_has_the_printed_numbers_but_for_one() -> None:
-    chosen, printed = (load("flexible", name).nodes for name in ("smc", "smc-printed"))
+    chosen, smooth, printed = (load("flexible", name).nodes for name in ("smc-sign", "smc", "smc-printed"))
     assert chosen["/sensor"] == printed["/sensor"]
     assert printed["/sensor"]["signal"]["slope_rad_s"] == [2.0, 2.0, 2.0]
     assert {key: printed["/sensor"]["trigger"][key] for key in ("epsilon", "r_rad_s")} == {
@@ -255,8 +255,10 @@ def test_sliding_mode_has_the_printed_numbers_but_for_one() -> None:
         "disturbance_bound_nm": 1.0,
         "alpha_1_nm": 0.001,
         "beta_1_nms": 530.0,
+        "boundary_layer_rad_s": 0.0,
     }
     assert chosen["/controller"]["law"] == {**law, "disturbance_bound_nm": 1e-3}
+    assert smooth["/controller"]["law"] == {**law, "boundary_layer_rad_s": 0.15}
 
 
 def test_every_variant_loads_and_every_compared_one_exists() -> None:

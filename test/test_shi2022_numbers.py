@@ -46,8 +46,13 @@ def error_vector(Q: FloatArray) -> FloatArray:
 
 
 @functools.cache
-def independent_instants(seconds: float, rate: float, delta: float, over_rho: bool = False) -> tuple[int, ...]:
-    """Ticks at which eq. (21) fires on the torque of eqs. (7)-(20)."""
+def independent_instants(
+    seconds: float, rate: float, delta: float, over_rho: bool = False, absolute: float = 1.0, at_events: bool = False
+) -> tuple[int, ...]:
+    """Ticks at which eq. (21) fires on the torque of eqs. (7)-(20).
+
+    With ``at_events`` the weights make a step at triggering instants only, and each axis renews itself alone.
+    """
     y = np.concatenate([Q0, rate * np.array([0.1, 0.1, -0.1])])
     W = np.zeros((5, 3))
     Gamma, D_m = 2.0 * np.eye(5), np.full(3, 0.1)
@@ -69,10 +74,13 @@ def independent_instants(seconds: float, rate: float, delta: float, over_rho: bo
         tau_bar = 5.0 * np.linalg.inv(nabla) @ eps + W.T @ H
         tau = -1.01 * (tau_bar * np.tanh(eps @ nabla @ tau_bar) + D_m * np.tanh(eps @ nabla @ D_m))
         tau = np.clip(tau, -2.0, 2.0)
-        if u is None or (np.abs(tau - u) >= 0.01 * np.abs(u) + np.exp(-delta * t)).any():
+        fires = np.full(3, True) if u is None else np.abs(tau - u) >= 0.01 * np.abs(u) + absolute * np.exp(-delta * t)
+        if fires.any():
             instants.append(k)
-            u = tau.astype(np.float32).astype(np.float64)
-        W = W + 0.01 * (Gamma @ np.outer(H, eps @ nabla) - 10.0 * Gamma @ W)
+            renewed = fires if at_events and u is not None else np.full(3, True)
+            u = np.where(renewed, tau.astype(np.float32).astype(np.float64), 0.0 if u is None else u)
+        if fires.any() or not at_events:
+            W = W + 0.01 * (Gamma @ np.outer(H, eps @ nabla) - 10.0 * Gamma @ W)
         y = solve_ivp(motion, (t, t + 0.01), y, method="DOP853", args=(u,), rtol=1e-11, atol=1e-13).y[:, -1]
     return tuple(instants)
 
@@ -103,6 +111,8 @@ def largest_from(variant: str | None, second: float) -> tuple[float, float]:
         ("rate-1.2", (), 20.0, (1.2, 0.1375)),
         ("rho-gradient", (), 24.0, (0.0, 0.1375, True)),
         (None, ("controller.trigger.delta=1.0",), 8.0, (0.0, 1.0)),
+        ("events", (), 20.0, (0.0, 0.001, False, 0.1, True)),
+        ("events-1.2", (), 8.0, (1.2, 0.001, False, 0.1, True)),
     ],
 )
 def test_early_instants_are_those_of_an_independent_simulation(

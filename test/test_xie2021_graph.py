@@ -47,7 +47,7 @@ def test_counts_are_those_of_an_independent_simulation(variant: str | None, expe
 
 
 def test_continuous_knowledge_costs_a_message_a_tick() -> None:
-    """Paper 181 / 203 / 170 / 217 over 50 s, the independent loop 185 / 204 / 168 / 230; here the first 3 s."""
+    """Paper 181 / 203 / 170 / 217 over 50 s, here 184 / 206 / 168 / 229; the first 3 s."""
     idealised = run("continuous", "duration_s=3")
     assert all(idealised.summary.topics[f"/sc{i}/state"].messages == 3000 for i in (1, 2, 3))
     usual = counts(run(None, "duration_s=3"))
