@@ -7,8 +7,10 @@ import runpy
 import shutil
 import subprocess
 import sys
+import tempfile
 import types
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from importlib.metadata import EntryPoint, distribution
 from pathlib import Path
 from typing import Any
@@ -101,17 +103,22 @@ def test_the_environment_comes_before_that_of_a_parent(tmp_path: Path) -> None:
     assert lines == [f"{venv}/lib:{venv}/{libraries}:{inherited}", f"{venv}:{other}"]
 
 
+@pytest.fixture
+def tree_of_another() -> Iterator[Path]:
+    """A folder that anybody may read and only its owner write; pytest's own folders keep others out."""
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        yield Path(name)
+
+
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
 @pytest.mark.parametrize("writable", [True, False])
-def test_who_has_no_home_gets_one_or_is_told(writable: bool, tmp_path: Path) -> None:
-    script, folder = tmp_path / "scripts" / "setup", tmp_path / "tmp"
+def test_who_has_no_home_gets_one_or_is_told(writable: bool, tree_of_another: Path) -> None:
+    script, folder = tree_of_another / "scripts" / "setup", tree_of_another / "tmp"
     script.parent.mkdir()
     script.write_text((ROOT / "scripts/setup").read_text())
     folder.mkdir(mode=0o777)
     folder.chmod(0o777 if writable else 0o555)
-    for parent in tmp_path.parents[:2]:
-        parent.chmod(0o755)
-    tmp_path.chmod(0o755)  # as the tree of another user: to be read, not to be written
     done = subprocess.run(
         ["bash", "-c", f'set -eu; source "{script}"; ros=wheels; enter; echo "$HOME"'],
         env={"PATH": os.environ["PATH"], "TMPDIR": str(folder)},
