@@ -7,7 +7,7 @@ import os
 import signal
 
 import rclpy
-from geometry_msgs.msg import Point32, Vector3
+from geometry_msgs.msg import Point32, Vector3, Vector3Stamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, String
 
@@ -20,6 +20,7 @@ parser.add_argument("--before", type=int, default=0, help="messages published be
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true", help="how it listens")
 parser.add_argument("--wrong-type", action="store_true")
+parser.add_argument("--stamped", choices=["copied", "wall"], help="answer Vector3Stamped, with which stamp")
 parser.add_argument("--only-listen", action="store_true", help="to everything, and answer nothing")
 parser.add_argument("--fakes", action="store_true", help="publish garbage and well-formed fakes on the notes' topics")
 arguments = parser.parse_args()
@@ -39,6 +40,13 @@ def on_error(s: Point32) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
     for _ in range(arguments.replies + (heard == arguments.twice_at)):
         publisher.publish(kind(x=-k * s.x, y=-k * s.y, z=-k * s.z))
+
+
+def on_stamped_error(error: Vector3Stamped) -> None:
+    s = error.vector
+    answer = Vector3Stamped(vector=Vector3(x=-k * s.x, y=-k * s.y, z=-k * s.z))
+    answer.header.stamp = error.header.stamp if arguments.stamped == "copied" else node.get_clock().now().to_msg()
+    publisher.publish(answer)
 
 
 def publish_fakes() -> None:
@@ -69,7 +77,7 @@ if arguments.only_listen:
 elif arguments.fakes:
     publish_fakes()
 else:
-    kind = Vector3 if arguments.wrong_type else Point32
+    kind = Vector3Stamped if arguments.stamped else Vector3 if arguments.wrong_type else Point32
     offered = QoSProfile(
         depth=10,
         reliability=ReliabilityPolicy.BEST_EFFORT if arguments.best_effort else ReliabilityPolicy.RELIABLE,
@@ -80,6 +88,9 @@ else:
     publisher = node.create_publisher(kind, "/torque_command", offered)
     for _ in range(arguments.before):
         publisher.publish(kind())
-    node.create_subscription(Point32, "/filtered_error", on_error, asked)
+    if arguments.stamped:
+        node.create_subscription(Vector3Stamped, "/filtered_error", on_stamped_error, asked)
+    else:
+        node.create_subscription(Point32, "/filtered_error", on_error, asked)
 print("ready", flush=True)
 rclpy.spin(node)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -18,9 +19,9 @@ from etac_ros.scenario.load import load
 DURATION = "duration_s=100"
 
 
-def run(lease: DomainLease, bag: Path, quiet_s: float = QUIET_S) -> Run:
+def run(lease: DomainLease, bag: Path, quiet_s: float = QUIET_S, overrides: Sequence[str] = ()) -> Run:
     lease.release()
-    scenario = load("wu2018", overrides=[DURATION, "controller.external=true"])
+    scenario = load("wu2018", overrides=[DURATION, "controller.external=true", *overrides])
     return run_over_ros(scenario, bag, RosOptions(domain=lease.domain, quiet_s=quiet_s))
 
 
@@ -42,6 +43,25 @@ def test_two_answers_to_a_message(misbehaviour: list[str], tmp_path: Path, start
     foreign(start, *misbehaviour)
     with pytest.raises(CountMismatch, match=r"node /controller, topic /torque_command: it has sent \d+ .* were asked"):
         run(lease, tmp_path / "bag")
+
+
+@pytest.mark.parametrize("stamp", ["copied", "wall"])
+def test_stamps_of_who_need_not_know_the_time_are_its_own_affair(
+    stamp: str, tmp_path: Path, start: Start, lease: DomainLease
+) -> None:
+    foreign(start, "--stamped", stamp)
+    over_ros = run(lease, tmp_path / "bag", overrides=["wire=stamped"])
+    assert trace(over_ros.recording) == trace(
+        run_in_process(load("wu2018", overrides=[DURATION, "wire=stamped"])).recording
+    )
+
+
+def test_a_stamp_that_is_needed_has_to_be_simulated_time(tmp_path: Path, start: Start, lease: DomainLease) -> None:
+    foreign(start, "--stamped", "wall")
+    # An actuator that hands on its torque stamped has to know the time.
+    stamped = ["wire=stamped", "links.torque.kind=internal", "links.torque.topic=/torque"]
+    with pytest.raises(RunError, match=r"topic /torque_command: /controller has stamped a message with"):
+        run(lease, tmp_path / "bag", overrides=stamped)
 
 
 def test_one_that_falls_silent(tmp_path: Path, start: Start, lease: DomainLease) -> None:

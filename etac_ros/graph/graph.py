@@ -96,17 +96,22 @@ class Graph:
         """Incoming links of each module."""
         return {name: tuple(link for link in self.links.values() if name in link.receivers) for name in self.modules}
 
+    def needs_time(self, module: str) -> bool:
+        """Whether a module has to know the tick of what arrives: to compute, find its sample or stamp its answers."""
+        node = self.modules[module]
+        stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
+        return stamps or node.timed or node.passive
+
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
         It never acts by itself, and it has one input, whose channel lets it tell from a message whether that arrives;
-        and where it needs to know the time, to compute, to stamp its answers or to find its sample, the message has it.
+        and where it needs to know the time, the message has it.
         """
         incoming = self.hears[module]
         node = self.modules[module]
         if not (node.answers or node.passive) or len(incoming) != 1:
             return False
         link = incoming[0]
-        stamps = any(link.wire.format is WireFormat.STAMPED for link in self.sends[module])
-        needs_time = stamps or node.timed or node.passive
-        return link.channel.told_by_message and (not needs_time or link.wire.format is WireFormat.STAMPED)
+        told = not self.needs_time(module) or link.wire.format is WireFormat.STAMPED
+        return link.channel.told_by_message and told

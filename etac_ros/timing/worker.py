@@ -86,6 +86,8 @@ class ModuleWorker:
     ----------
     done
         A running digest of what the module did and when.
+    wants_stamps
+        Whether a message has to come with the tick that it carries.
     values
         By link that is heard: a running digest of the values that came.
     """
@@ -102,6 +104,7 @@ class ModuleWorker:
         self._passive = self._driver.module.passive
         self._sees_plant = name in graph.reads and name in graph.reporters
         self._acts_on_arrival = duties.acts_on_arrival(name)
+        self.wants_stamps = self._acts_on_arrival and graph.needs_time(name)
         self._knows_ticks = knows_ticks(self._driver.module)
         self._numbers = Places(graph.links)
         self._inbox: dict[MessageId, FloatArray] = {}
@@ -109,11 +112,6 @@ class ModuleWorker:
         self._arrived: deque[tuple[MessageId, int | None]] = deque()
         self._windows: deque[tuple[Window, int]] = deque()
         self._proposal: int | None = None
-
-    @property
-    def acts_on_arrival(self) -> bool:
-        """Whether a message is all that the module needs; then the tick that it carries is wanted with it."""
-        return self._acts_on_arrival
 
     def on_message(self, link: Link, sequence: int, value: FloatArray, tick: int | None = None) -> None:
         """Take a message; the channel decides whether it counts."""

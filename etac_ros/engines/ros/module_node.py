@@ -93,10 +93,9 @@ class ModuleNode(RunNode):
         return ModuleWorker(self.plan.graph, self.plan.duties, self.name, self._on_effect)
 
     def _hear(self, link: Link) -> None:
-        wanted = self.worker.acts_on_arrival
 
         def on_message(message: Any, sequence: int) -> None:
-            stamp = stamp_ns(message) if wanted else None
+            stamp = stamp_ns(message) if self.worker.wants_stamps else None
             tick = None if stamp is None else self._tick_of(stamp, link)
             self.worker.on_message(link, sequence, decode(message), tick)
             self.settle()
