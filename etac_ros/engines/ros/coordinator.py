@@ -295,12 +295,11 @@ class CoordinatorNode(RunNode):
     def _tell(self) -> None:
         """Message log for the recorder, clock for ROS tools, progress for people."""
         self._told = time.perf_counter()
-        transits = self.master.take_message_log()
-        if transits:
-            self._logs += 1
-            self._message_log.publish(self.note({"log": self._logs, "transits": transits}))
-            if self._logs - self._recorded >= _LOGS_AHEAD:
-                self._dispatcher.pause()
+        # Also where nothing was sent: committed samples go to the recorder, too, and must not run away from it.
+        self._logs += 1
+        self._message_log.publish(self.note({"log": self._logs, "transits": self.master.take_message_log()}))
+        if self._logs - self._recorded >= _LOGS_AHEAD:
+            self._dispatcher.pause()
         now = nanoseconds(self.master.tick, self.plan.graph.ticks_per_second)
         self._clock.publish(Clock(clock=Time(sec=now // NANOSECONDS, nanosec=now % NANOSECONDS)))
         self._on_progress(self.master.tick, self.master.fired)
