@@ -151,6 +151,13 @@ def test_a_node_that_the_baseline_names_anew_is_its_own_as_a_whole() -> None:
     assert found.nodes["/sm/controller"] == load("qi2022", "smc").nodes["/sm/controller"]
 
 
+def test_figures_of_a_variant_that_are_no_mapping_are_refused(file: Path) -> None:
+    text = file.read_text().replace("turned: {plant", "turned: {published: [1], plant")
+    file.write_text(text.replace("    seed: 3\n", "    seed: 3\n    published: {source: x}\n"))
+    with pytest.raises(ScenarioError, match=r"variants\.turned\.published: found \[1\]\n.*a mapping"):
+        load(str(file), "turned")
+
+
 def test_no_baseline(file: Path, tmp_path: Path) -> None:
     assert baseline_of(load(str(file), "clocked")) is None
     assert baseline_of(load(str(file), None, ["baseline=null"])) is None

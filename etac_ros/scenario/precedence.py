@@ -34,6 +34,7 @@ from etac_ros.scenario.document import (
     laid_over,
     merged,
     node_of,
+    shown,
     variants_of,
     with_variant,
 )
@@ -143,7 +144,7 @@ def _with_own_figures(file: Tree, sections: Tree, variant: str, where: str) -> T
     if not block or not isinstance(published, dict):
         return sections
     kept = {key: value for key, value in published.items() if key == "source"}
-    given = dict(block.get(PUBLISHED) or {})
+    given = _mapping(block.get(PUBLISHED), f"{where}: {EVERYWHERE}.variants.{variant}.{PUBLISHED}")
     if "of" in given:
         given = merged(_figures_of(str(given.pop("of")), file, variant, where), given)
     own = merged(kept, given)
@@ -158,8 +159,17 @@ def _figures_of(other: str, file: Tree, variant: str, where: str) -> Tree:
         key = f"{where}: {EVERYWHERE}.variants.{variant}.{PUBLISHED}.of"
         raise ScenarioError(key, f"found '{other}'", choice(other, others))
     block = variants[other]
-    published = (block.get(PUBLISHED) if block else file[EVERYWHERE].get(PUBLISHED)) or {}
+    place = f"variants.{other}.{PUBLISHED}" if block else PUBLISHED
+    published = _mapping(
+        block.get(PUBLISHED) if block else file[EVERYWHERE].get(PUBLISHED), f"{where}: {EVERYWHERE}.{place}"
+    )
     return {name: _without_reading(value) for name, value in published.items() if name != "of"}
+
+
+def _mapping(value: Any, where: str) -> Tree:
+    if value is not None and not isinstance(value, dict):
+        raise ScenarioError(where, f"found {shown(value)}", "a mapping")
+    return dict(value or {})
 
 
 _OF_A_READING = ("reason", "fitted_to")
