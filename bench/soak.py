@@ -84,6 +84,7 @@ def page(run: Run, watch: Watch, same: bool) -> str:
         "acts; else the run had failed.",
         f"- All messages and all committed samples are {'the same bits as' if same else 'NOT the same as'} by calls "
         f"(`{run.recording.digest()}`).",
+        "- No process grew. Each begins with what the launcher holds, which has made the run by calls just before.",
         "",
         f"| process | memory [MiB] at {SETTLED:.0%} | at the end | open files | at the end |",
         "| --- | --- | --- | --- | --- |",
