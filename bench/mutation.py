@@ -216,7 +216,9 @@ def named_mutants() -> list[Mutant]:
     for name, file, old, new, test in NAMED:
         text = _text(file)
         if text.count(old) != 1:
-            raise SystemExit(f"'{name}': {file} has {text.count(old)} times {old!r}; expected once. Bring it up to date.")
+            raise SystemExit(
+                f"'{name}': {file} has {text.count(old)} times {old!r}; expected once. Bring it up to date."
+            )
         found.append(_mutant(file, name, text, text.replace(old, new), (test,)))
     return found
 
@@ -255,7 +257,15 @@ def mutants_of(file: str, most: int, seed: int) -> tuple[int, list[Mutant]]:
 def _mutant(file: str, what: str, text: str, source: str, tests: tuple[str, ...]) -> Mutant:
     pairs = zip(text.splitlines(), source.splitlines(), strict=False)
     line, before, after = next(((n, a, b) for n, (a, b) in enumerate(pairs, 1) if a != b), (0, "", ""))
-    return Mutant(file, what, line, before, after, source, tuple(test for test in tests if (TEST / test.partition("::")[0]).exists()))
+    return Mutant(
+        file,
+        what,
+        line,
+        before,
+        after,
+        source,
+        tuple(test for test in tests if (TEST / test.partition("::")[0]).exists()),
+    )
 
 
 def _text(file: str) -> str:
@@ -292,7 +302,9 @@ class _Changed(importlib.abc.MetaPathFinder, importlib.machinery.SourceFileLoade
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
-        return importlib.util.spec_from_file_location(fullname, self.path, loader=self) if fullname == self.name else None
+        return (
+            importlib.util.spec_from_file_location(fullname, self.path, loader=self) if fullname == self.name else None
+        )
 
     def get_code(self, fullname: str) -> CodeType:
         return compile(self._source, self.path, "exec", dont_inherit=True)
@@ -321,7 +333,9 @@ def dependents(module: str) -> set[str]:
     found = {module}
     while True:  # whoever imports a module imports the packages above it, too
         more = {name for name, wanted in imports.items() if wanted & found} - found
-        packages = {name for name in imports if (ROOT / "etac_ros" / Path(*name.split(".")[1:], "__init__.py")).exists()}
+        packages = {
+            name for name in imports if (ROOT / "etac_ros" / Path(*name.split(".")[1:], "__init__.py")).exists()
+        }
         more |= {name for name in imports if any(name.startswith(f"{above}.") for above in packages & found)} - found
         if not more:
             return found
@@ -466,7 +480,9 @@ def main(
         if fnmatch.fnmatch(mutant.file, f"*{only}*") and (named or write):
             score = try_all(mutant.file, 1, [mutant])
             failures += len(score.survivors)
-            print(f"{'UNNOTICED' if score.survivors else 'noticed':<10} {score.seconds:5.1f} s  {mutant.what}", flush=True)
+            print(
+                f"{'UNNOTICED' if score.survivors else 'noticed':<10} {score.seconds:5.1f} s  {mutant.what}", flush=True
+            )
     if named:
         raise typer.Exit(bool(failures))
     for file in TESTS:

@@ -195,7 +195,9 @@ class Sink:
 class World:
     """All nodes of a run in one process, on a bus of their own."""
 
-    def __init__(self, scenario: Scenario, patch: pytest.MonkeyPatch, *, token: str = "t", windows: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, patch: pytest.MonkeyPatch, *, token: str = "t", windows: bool = False
+    ) -> None:
         self.bus = Bus()
         self.clock = Clock()
         patch.setattr(run_node, "Node", self.bus.node)

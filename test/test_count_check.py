@@ -81,7 +81,9 @@ def test_one_count_that_is_off(who: str, by: int) -> None:
 def test_truth_that_is_not_all_in_the_bag() -> None:
     plan, outcome, in_bag = made()
     del in_bag["/emulation/plant/truth"]
-    with pytest.raises(CountMismatch, match="truth: 2 received by the recorder, 0 in the bag, 2 sent by the publisher\n"):
+    with pytest.raises(
+        CountMismatch, match="truth: 2 received by the recorder, 0 in the bag, 2 sent by the publisher\n"
+    ):
         check_counts(plan, outcome, {**in_bag})
 
 

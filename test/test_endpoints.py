@@ -24,7 +24,9 @@ def listener(bus: Bus, name: str, namespace: str = "/", **options: Any) -> tuple
         bus.node(name, namespace),  # type: ignore[arg-type]
         String,
         TOPIC,
-        lambda message, number: taken.append((message if options.get("raw") else getattr(message, "data", message), number)),
+        lambda message, number: taken.append(
+            (message if options.get("raw") else getattr(message, "data", message), number)
+        ),
         **options,
     )
     return end, taken

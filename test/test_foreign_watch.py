@@ -166,5 +166,3 @@ def test_misfits_are_told_once_and_not_too_often(monkeypatch: pytest.MonkeyPatch
     ]
     watched.clock.now += 1.0
     assert watched.watch.misfits() == []
-
-

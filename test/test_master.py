@@ -220,4 +220,3 @@ def test_lengths_of_windows() -> None:
     assert [policy.after_hit(used) for used in (0, 1, 7, 50, 51)] == [1, 2, 14, 100, 100]
     assert WindowPolicy(1, 1).after_quiet(1) == WindowPolicy(1, 1).after_hit(1) == 1
     assert WindowPolicy() == WindowPolicy(64, 1024) == USUAL_WINDOWS
-

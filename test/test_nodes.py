@@ -263,7 +263,9 @@ def test_truth_is_published_when_there_is_enough_of_it_or_time_has_passed(monkey
     while world.spinner.once(0.05):
         counts.append(len(published(truth_topic("/plant"))))
         world.clock.now += 0.3
-    sizes = [len(decode_truth(deserialize_message(data, Float64MultiArray))[1]) for data in published(truth_topic("/plant"))]
+    sizes = [
+        len(decode_truth(deserialize_message(data, Float64MultiArray))[1]) for data in published(truth_topic("/plant"))
+    ]
     assert len(sizes) > 3  # time passes, so that each window brings what was committed before
     assert sum(sizes) == 3201
     assert world.clock.now > before
@@ -289,7 +291,9 @@ def test_a_stamp_that_is_no_tick_is_named(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_strangers_are_counted_and_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(scenario_of("wu2018"), monkeypatch)
-    publisher = world.bus.node("intruder").create_publisher(String, "/emulation/start", world.bus.writers[0].qos_profile)
+    publisher = world.bus.node("intruder").create_publisher(
+        String, "/emulation/start", world.bus.writers[0].qos_profile
+    )
     for text in ("", "{", "null", '{"run": "x", "is": {}}', '{"is": {}}'):
         publisher.publish(String(data=text))
     outcome = world.run()
