@@ -4,9 +4,9 @@
     ./scripts/bench fuzz --examples 20000 --only scenarios
     ./scripts/bench fuzz --write docs/fuzz.md
 
-The generators are those of ``test/test_scenario_fuzz.py`` and ``test/test_bag_fuzz.py``, told to try more. An error that
-is none of ours fails its test, which prints the smallest case that shows it; a file that takes longer than the limit
-hangs. The exit code says whether there was either.
+The generators are those of ``test/test_scenario_fuzz.py`` and ``test/test_bag_fuzz.py``, told to try more. An error
+that is none of ours fails its test, which prints the smallest case that shows it; a file that takes longer than the
+limit hangs. The exit code says whether there was either.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ def main(
     lines = [
         "# Fuzzing",
         "",
-        f"Written by `./scripts/bench fuzz --examples {examples} --write docs/fuzz.md`. The cases are drawn, always the "
-        "same ones. What is mangled: values, keys, whole sections, pieces of text and bytes of scenarios, and odd "
+        f"Written by `./scripts/bench fuzz --examples {examples} --write docs/fuzz.md`. The cases are drawn, always "
+        "the same ones. What is mangled: values, keys, whole sections, pieces of text and bytes of scenarios, and odd "
         "options; attachments, metadata, messages, times and bytes of bags, which are described, read and recovered.",
         "",
         "| kind | cases | tracebacks | hangs | seconds |",

@@ -275,7 +275,7 @@ def _text(file: str) -> str:
 class _Bare(ast.NodeTransformer):
     """Takes annotations away, which nobody evaluates, and the texts of errors and docstrings."""
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         node.returns = None
         return self.generic_visit(node)
 

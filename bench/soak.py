@@ -1,4 +1,4 @@
-"""One long run over DDS: a million messages on the network links, each counted, recorded, and compared with a run by calls.
+"""One long run over DDS: a million messages on network links, counted, recorded, and compared with a run by calls.
 
     ./scripts/bench soak                          # 1,000,000 messages: wu2018, sampled and sent at every tick
     ./scripts/bench soak --messages 50000
@@ -75,13 +75,13 @@ def page(run: Run, watch: Watch, same: bool) -> str:
         "",
         f"Written by `./scripts/bench soak --write docs/soak.md`, on {os.cpu_count()} cores beside other work.",
         "",
-        f"`wu2018`, time-triggered at every tick, {summary.duration_s:,.0f} simulated seconds over DDS, a process a node: "
-        f"{summary.network.messages:,} messages on the network links, {recorded:,} on all topics, in "
+        f"`wu2018`, time-triggered at every tick, {summary.duration_s:,.0f} simulated seconds over DDS, a process a "
+        f"node: {summary.network.messages:,} messages on the network links, {recorded:,} on all topics, in "
         f"{summary.timing.loop_s:,.0f} s of wall time ({summary.network.messages / summary.timing.loop_s:,.0f} network "
         "messages a second).",
         "",
-        "- Senders, recorder, coordinator and bag agree on the count of every topic, and on the digests of all values and "
-        "acts; else the run had failed.",
+        "- Senders, recorder, coordinator and bag agree on the count of every topic, and on the digests of all values "
+        "and acts; else the run had failed.",
         f"- All messages and all committed samples are {'the same bits as' if same else 'NOT the same as'} by calls "
         f"(`{run.recording.digest()}`).",
         "- No process grew. Each begins with what the launcher holds, which has made the run by calls just before.",

@@ -1,4 +1,4 @@
-"""ROS without DDS: nodes, publishers and subscriptions of one process, joined by queues, so that a test takes milliseconds.
+"""ROS without DDS: nodes, publishers and subscriptions of one process, joined by queues: a test takes milliseconds.
 
 The nodes of the ros engine run on it unchanged, with their real messages, serialized as for the wire. It keeps what the
 engine relies on: order within a topic, sequence numbers from each publisher, and late joiners of latched topics.
@@ -16,7 +16,6 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
-from etac_ros.bag.clock import AFTER_ALL_STEPS
 from etac_ros.engines.ros import coordinator, endpoints, module_node, run_node
 from etac_ros.engines.ros.coordinator import CoordinatorNode
 from etac_ros.engines.ros.count_check import Outcome
@@ -256,6 +255,3 @@ class World:
             master.tick, self.coordinator.halted, master.fired, master.sent, master.done,
             self.coordinator.leave_notes, self.coordinator.began, self.coordinator.loop_s,
         )  # fmt: skip
-
-
-AFTER_ALL = AFTER_ALL_STEPS

@@ -62,7 +62,7 @@ def test_who_does_not_belong_here_is_named(
 def test_a_node_that_is_there_twice_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     one = world(monkeypatch)
     join(one)
-    with pytest.raises(RunError, match="^node /sensor: is there twice"):
+    with pytest.raises(RunError, match=r"^node /sensor: is there twice"):
         join(one, pid=8)
 
 
@@ -72,7 +72,7 @@ def test_notes_of_other_runs_are_nothing_to_a_run_with_a_token(monkeypatch: pyte
     join(one, run="other")
     join(one, pid=8)
     by_hand = world(monkeypatch, token="")
-    with pytest.raises(RunError, match="^node /other"):
+    with pytest.raises(RunError, match=r"^node /other"):
         join(by_hand, run="other", node="/other")
 
 
@@ -205,18 +205,16 @@ def test_where_time_stands_still_a_log_is_told_when_it_is_long(monkeypatch: pyte
     assert len(logs) > 5
 
 
-def test_a_slow_step_makes_windows_shorter(monkeypatch: pytest.MonkeyPatch) -> None:
-    for pause, shorter in ((0.9, False), (1.1, True)):
-        one = world(monkeypatch, "duration_s=100")
-        shortened: list[int] = []
-        monkeypatch.setattr(
-            one.coordinator.master, "shorten_windows", lambda: shortened.append(one.coordinator.master.tick)
-        )
-        one.coordinator._on_step()
-        assert shortened == []  # the first has no step before it
-        one.clock.now += pause
-        one.coordinator._on_step()
-        assert bool(shortened) == shorter
+@pytest.mark.parametrize(("pause", "shorter"), [(0.9, False), (1.1, True)])
+def test_a_slow_step_makes_windows_shorter(pause: float, shorter: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = world(monkeypatch, "duration_s=100")
+    shortened: list[None] = []
+    monkeypatch.setattr(one.coordinator.master, "shorten_windows", lambda: shortened.append(None))
+    one.coordinator._on_step()
+    assert shortened == []  # the first has no step before it
+    one.clock.now += pause
+    one.coordinator._on_step()
+    assert bool(shortened) == shorter
 
 
 def test_a_watch_of_the_last_samples_ends_the_run_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,7 +229,7 @@ def test_a_watch_of_the_last_samples_ends_the_run_too(monkeypatch: pytest.Monkey
 def test_a_fault_that_it_told_itself_is_no_news(monkeypatch: pytest.MonkeyPatch) -> None:
     one = world(monkeypatch)
     one.coordinator._on_fault({"node": COORDINATOR, "fault": "x"}, 1)
-    with pytest.raises(RunError, match="^node /sensor: x"):
+    with pytest.raises(RunError, match=r"^node /sensor: x"):
         one.coordinator._on_fault({"node": "/sensor", "fault": "x"}, 1)
     one.coordinator.fault = "known"
     one.coordinator._on_fault({"node": "/sensor", "fault": "x"}, 1)

@@ -81,9 +81,7 @@ def test_one_count_that_is_off(who: str, by: int) -> None:
 def test_truth_that_is_not_all_in_the_bag() -> None:
     plan, outcome, in_bag = made()
     del in_bag["/emulation/plant/truth"]
-    with pytest.raises(
-        CountMismatch, match="truth: 2 received by the recorder, 0 in the bag, 2 sent by the publisher\n"
-    ):
+    with pytest.raises(CountMismatch, match="truth: 2 received by the recorder, 0 in the bag, 2 sent by"):
         check_counts(plan, outcome, {**in_bag})
 
 
@@ -126,5 +124,5 @@ def test_an_act_that_was_not_laid_down_names_the_node(name: str) -> None:
 def test_a_value_that_has_changed_on_its_way_names_topic_and_both_ends() -> None:
     plan, outcome, _ = made()
     outcome.leave_notes["/actuator"]["values"]["torque_command"] += 1
-    with pytest.raises(OrderMismatch, match="^topic /torque_command: /actuator has not received .* /controller sent"):
+    with pytest.raises(OrderMismatch, match=r"^topic /torque_command: /actuator has not received .* /controller sent"):
         check_order(plan, outcome)

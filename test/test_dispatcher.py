@@ -63,7 +63,7 @@ def test_it_begins_with_windows_and_waits_for_who_looks_at_them(tmp_path: Path) 
 def test_a_report_that_nobody_asked_for_names_its_node(tmp_path: Path) -> None:
     driven = Driven(tmp_path)
     driven.report("/a/sensor", Report(proposal=3), -1, 3)
-    with pytest.raises(ProtocolError, match="^node /a/sensor: has reported without being asked"):
+    with pytest.raises(ProtocolError, match=r"^node /a/sensor: has reported without being asked"):
         driven.report("/a/sensor", Report(proposal=3), -1, 3)
 
 

@@ -28,6 +28,7 @@ class Watched:
         scenario = load("wu2018", None, ["duration_s=10", *(overrides or ("controller.external=true",))])
         self.plan = Plan(scenario.name, scenario.digest, scenario.build(), USUAL_WINDOWS)
         self.bus = Bus()
+        self._publisher: Any = None
         self.clock = Clock()
         patch.setattr(foreign, "time", self.clock)
         self.sent = dict.fromkeys(self.plan.graph.links, 0)
@@ -44,10 +45,10 @@ class Watched:
         return self.bus.node("theirs", "/far").create_publisher(kind, ANSWERS, qos)
 
     def answer(self, times: int) -> None:
-        publisher = self.bus.on(self.bus.writers, ANSWERS) and self._publisher or self.publisher()
-        self._publisher = publisher
+        if self._publisher is None:
+            self._publisher = self.publisher()
         for _ in range(times):
-            publisher.publish(Point32())
+            self._publisher.publish(Point32())
         self.ends[0].take()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,8 @@ from toy import trace as told
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.graph import replay
 from etac_ros.graph.graph import Graph
-from etac_ros.scenario.load import load
 from etac_ros.graph.role import Role
+from etac_ros.scenario.load import load
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, Open, Order, Report
 from etac_ros.timing.windows import USUAL_WINDOWS, WindowPolicy
