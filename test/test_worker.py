@@ -157,7 +157,7 @@ def test_a_look_is_obeyed_in_its_turn(tmp_path: Path) -> None:
 
 def test_what_answers_needs_no_window_and_tells_nobody(tmp_path: Path) -> None:
     driven = Driven(tmp_path, "/a/brake")
-    assert driven.worker.acts_on_arrival
+    assert not driven.worker.wants_stamps
     driven.worker.on_message(driven.graph.links["a_says"], 1, np.array([5.0]))
     assert driven.said() == [("send", "a_push", [-0.5], 0)]
     assert driven.worker.done != 0
@@ -168,8 +168,8 @@ def test_who_sees_a_plant_and_acts_on_arrival_takes_the_sample_of_the_message() 
     name = "/pm/relative_sensor"
     graph = scenario.build()
     worker = ModuleWorker(graph, Duties(graph, WindowPolicy(1, 1)), name, lambda effect: None)
-    assert worker.acts_on_arrival
-    assert not ModuleWorker(graph, Duties(graph, WindowPolicy(1, 2)), name, lambda effect: None).acts_on_arrival
+    assert worker.wants_stamps
+    assert not ModuleWorker(graph, Duties(graph, WindowPolicy(1, 2)), name, lambda effect: None).wants_stamps
     width = graph.modules[graph.reads[name]].state.size  # type: ignore[attr-defined]
     assert not worker._has_sample(0)
     worker.on_window(Window(graph.reads[name], 1, 5, np.zeros((1, width))), -1)
