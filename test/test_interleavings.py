@@ -41,6 +41,15 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
     ),
     "xie2021 short windows": ("xie2021", None, ["duration_s=0.1", "windows={first: 1, longest: 2}"]),
     "xie2021 pull": ("xie2021", "pull", ["duration_s=0.2"]),
+    "wu2018 jitter": (
+        "wu2018",
+        None,
+        [
+            "duration_s=20",
+            "links.filtered_error={jitter: {exponential_s: 0.5}, duplication: 0.5}",
+            "links.torque_command={bursts: {good_s: 2.0, bad_s: 1.0}}",
+        ],
+    ),
     "xie2021 outage": ("xie2021", "held", ["duration_s=0.2", "links.sc1_state.outages={sc2/sensor: [0.01, 0.1]}"]),
 }
 
@@ -78,6 +87,16 @@ TOYS: Mapping[str, dict[str, Any]] = {
     "both at once, then one": {"a": {"at": [0, 2]}, "b": {"at": [0, 1, 2]}},
     "one answers": {"a": {"at": [0, 2]}, "b": {"at": [1], "echo": True}},
     "answered late": {"a": {"at": [0, 1]}, "b": {"echo": True}, "a_says": {"delay_ticks": 1}},
+    "answered twice, late": {
+        "a": {"at": [0, 1]},
+        "b": {"echo": True},
+        "a_says": {"jitter": {"uniform_s": 0.15}, "duplication": 0.9},
+    },
+    "lost in a burst": {
+        "a": {"at": [0, 1, 2]},
+        "b": {"echo": True},
+        "a_says": {"bursts": {"good_s": 0.1, "bad_s": 0.1}},
+    },
     "lost for one of two": {"a": {"at": [0, 1, 2]}, "b": {"echo": True}, "a_says": {"loss": 0.5}},
     "above a bound that grows": {"a": {"above": 0.5}, "b": {"at": [1]}},
 }

@@ -31,6 +31,26 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
         SIGNAL.replace("kind", "knid"),
         ["/**.links.signal", "kind: is missing", "knid: unknown key", "'kind'?"],
     ),
+    "two delays": (
+        SIGNAL,
+        SIGNAL.replace("kind", "delay_ticks: 1, delay_s: 0.1, kind"),
+        ["/**.links.signal", "delay_ticks and delay_s say the same thing"],
+    ),
+    "losses of two kinds": (
+        SIGNAL,
+        SIGNAL.replace("kind", "loss: 0.1, bursts: {good_s: 1.0, bad_s: 1.0}, kind"),
+        ["/**.links.signal", "loss is of each message by itself, bursts has losses of its own"],
+    ),
+    "jitter of two kinds": (
+        SIGNAL,
+        SIGNAL.replace("kind", "jitter: {uniform_s: 0.1, normal_s: 0.1}, kind"),
+        ["/**.links.signal.jitter", "uniform_s and normal_s are given"],
+    ),
+    "everything is lost": (
+        SIGNAL,
+        SIGNAL.replace("kind", "loss: 1.0, kind"),
+        ["/**.links.signal.loss", "found 1.0", "less than 1"],
+    ),
     "unknown key of a node": (
         "reads: /plant",
         "reads: /plant\n    low_pas_s: 1.0",

@@ -47,6 +47,16 @@ CASES: list[tuple[str, str, list[str]]] = [
     ("qi2022", "smc", ["duration_s=2", "links.feedback.loss=0.2"]),
     ("flexible", "periodic", ["duration_s=60", "links.feedback.delay_ticks=3", "links.feedback.loss=0.3"]),
     ("flexible", "periodic", ["duration_s=40", "links.torque_command.loss=0.5"]),
+    # Overtaken, twice, and in bursts.
+    (
+        "flexible",
+        "periodic",
+        [
+            "duration_s=40",
+            "links.feedback={delay_s: 0.013, jitter: {exponential_s: 2.0}, duplication: 0.4}",
+            "links.torque_command={bursts: {good_s: 5.0, bad_s: 2.0}}",
+        ],
+    ),
 ]
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from etac_ros.graph.channel import Channel
+from etac_ros.graph.channel import Bursts, Channel, Jitter
 from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
@@ -82,9 +82,12 @@ class LinkDescription(_Model):
     wire: WireFormat
     size: _Index = Field(description="components of a value")
     seed: int
-    delay_ticks: Annotated[int, Field(ge=0)]
+    delay_ticks: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0)]
     loss: Annotated[float, Field(ge=0.0, le=1.0)]
     outages: dict[str, tuple[tuple[int, int], ...]]
+    jitter: Jitter | None = None
+    bursts: Bursts | None = None
+    duplication: Annotated[float, Field(ge=0.0, le=1.0)] | None = Field(default=None, description="null for none")
 
 
 class RunDescription(_Model):
@@ -189,6 +192,9 @@ def _link(link: Link) -> LinkDescription:
         delay_ticks=channel.delay_ticks,
         loss=channel.loss,
         outages=dict(channel.outages),
+        jitter=channel.jitter,
+        bursts=channel.bursts,
+        duplication=channel.duplication or None,
     )
 
 

@@ -13,7 +13,7 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from etac_ros.bag.description import Columns, NodeDescription, PlantDescription, RunDescription
+from etac_ros.bag.description import Columns, LinkDescription, NodeDescription, PlantDescription, RunDescription
 from etac_ros.errors import RunError
 from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph, Link
@@ -63,13 +63,27 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             link.port,
             link.receivers,
             Wire(link.wire, link.size),
-            Channel(link.seed, name, link.delay_ticks, link.loss, link.outages),
+            _channel(name, link, run.ticks_per_second),
         )
         for name, link in run.links.items()
     }
     reads = {name: node.reads for name, node in run.nodes.items() if node.reads is not None}
     external = frozenset(name for name, node in run.nodes.items() if node.external)
     return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external)
+
+
+def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel:
+    return Channel(
+        link.seed,
+        name,
+        link.delay_ticks,
+        link.loss,
+        link.outages,
+        link.jitter,
+        link.bursts,
+        link.duplication or 0.0,
+        ticks_per_second,
+    )
 
 
 class _Rows:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrival, Arrivals
@@ -53,16 +54,17 @@ class Staircase:
 
 
 def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
-    """The messages of a link that reached a receiver, in the order of their sequence numbers.
+    """The messages of a link that reached a receiver, in the order of their sequence numbers; each as often as it did.
 
     Nobody acts at the end tick or later, so what would arrive there has not arrived.
     """
     found = []
+    way = Way(link.channel, receiver)
     for message in recording.messages[link.name]:
-        arrival = link.channel.arrival(receiver, message.sequence, message.tick)
-        if arrival is not None and arrival < graph.end_tick:
-            # What is late comes in the first step of its tick, whichever step it was sent in.
-            found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
+        for arrival in way.arrivals(message.sequence, message.tick):
+            if arrival < graph.end_tick:
+                # What is late comes in the first step of its tick, whichever step it was sent in.
+                found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
     return found
 
 

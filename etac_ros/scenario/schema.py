@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from etac_ros.graph.channel import Bursts, Jitter
 from etac_ros.graph.graph import LinkKind
 from etac_ros.graph.wire import WireFormat
 from etac_ros.parameters import Parameters, exactly_one
@@ -34,10 +35,24 @@ class LinkSection(Parameters):
     topic: str | None = Field(default=None, description="default: the sender's namespace and the link's name")
     wire: WireFormat | None = Field(default=None, description="default: the scenario's wire")
     delay_ticks: NonNegativeInt = 0
-    loss: float = Field(default=0.0, ge=0.0, lt=1.0)
+    delay_s: PositiveFloat | None = Field(
+        default=None, description="instead of delay_ticks; what is no whole tick is rounded up to the next"
+    )
+    jitter: Jitter | None = None
+    loss: float = Field(default=0.0, ge=0.0, lt=1.0, description="of each message by itself")
+    bursts: Bursts | None = Field(default=None, description="losses in bursts, instead of loss")
+    duplication: float = Field(default=0.0, ge=0.0, le=1.0, description="probability that a message arrives twice")
     outages: dict[str, tuple[FiniteFloat, ...]] = Field(
         default={}, description="by receiving node: [from, until, ...] in seconds, when nothing gets through"
     )
+
+    @model_validator(mode="after")
+    def _not_both(self) -> LinkSection:
+        if self.delay_s is not None and self.delay_ticks:
+            raise ValueError("delay_ticks and delay_s say the same thing: keep one of them")
+        if self.bursts is not None and self.loss:
+            raise ValueError("loss is of each message by itself, bursts has losses of its own: keep one of them")
+        return self
 
 
 class WindowSection(Parameters):

@@ -10,7 +10,8 @@ from collections import defaultdict
 from collections.abc import Generator, Sequence
 
 from etac_ros.errors import ProtocolError
-from etac_ros.graph.graph import Graph
+from etac_ros.graph.channel import Way
+from etac_ros.graph.graph import Graph, Link
 from etac_ros.timing.digest import Places, acted, knows_ticks, received
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
 from etac_ros.timing.windows import WindowPolicy
@@ -18,6 +19,11 @@ from etac_ros.timing.windows import WindowPolicy
 Batches = Generator[Sequence[Order], Sequence[Report], None]
 
 _MOST_STEPS_A_TICK = 100
+
+
+def _ways(link: Link) -> tuple[tuple[str, Way | None], ...]:
+    """Receivers with what may become of a message on its way; None where nothing can: that costs nothing."""
+    return tuple((name, None if link.channel.ideal else Way(link.channel, name)) for name in link.receivers)
 
 
 class TimeMaster:
@@ -59,6 +65,7 @@ class TimeMaster:
         self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
         self._place = {name: index for index, name in enumerate(graph.modules)}
         self._link_place = {name: index for index, name in enumerate(graph.links)}
+        self._ways = {name: _ways(link) for name, link in graph.links.items()}
         self._plants = frozenset(graph.plants)
         self._lookers = frozenset(graph.lookers)
         self._concluding = frozenset(
@@ -171,12 +178,12 @@ class TimeMaster:
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
             self.message_log.append(Transit(name, message.sequence, tick, step))
-            for receiver in link.receivers:
-                when = link.channel.arrival(receiver, message.sequence, tick)
-                if when == tick:
-                    arriving.setdefault(receiver, []).append(message)
-                elif when is not None and when < self._graph.end_tick:
-                    self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+            for receiver, way in self._ways[name]:
+                for when in (tick,) if way is None else way.arrivals(message.sequence, tick):
+                    if when == tick:
+                        arriving.setdefault(receiver, []).append(message)
+                    elif when < self._graph.end_tick:
+                        self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
 
     def _halt(self, module: str, report: Report) -> None:
         if report.halt and not self.halted:
