@@ -31,12 +31,13 @@ with Path(__file__).with_name("imported").open("a") as file:
     file.write("x")
 
 from etac_ros.laws import shi2022, wu2018
+from etac_ros.media import csma
 from etac_ros.plants import flexible, manoeuvre, pm_sm, rigid, rigid_mrp
 
 def of_mine(kind):
     return type(kind.__name__, (kind,), {"__module__": __name__})
 
-for module in (flexible, manoeuvre, pm_sm, rigid, rigid_mrp, shi2022, wu2018):
+for module in (csma, flexible, manoeuvre, pm_sm, rigid, rigid_mrp, shi2022, wu2018):
     for name, kind in list(vars(module).items()):
         if isinstance(kind, type) and kind.__module__ == module.__name__ and hasattr(kind, "Parameters"):
             globals()[name] = of_mine(kind)
@@ -73,6 +74,16 @@ def with_their(scenario: Scenario, modules: tuple[str, ...], folder: Path) -> Sc
 
 SYSTEMS = {
     "wu2018": (["duration_s=20"], ("etac_ros.plants.rigid",)),
+    # The access rule of a medium is none of ours, and nothing else.
+    "wu2018 on the air": (
+        [
+            "duration_s=20",
+            "media={air: {rate_bit_s: 2000.0, access: {class: 'etac_ros.media.csma:Csma'}}}",
+            "links.filtered_error.medium=air",
+            "links.torque_command.medium=air",
+        ],
+        ("etac_ros.media.csma",),
+    ),
     # What becomes of messages on their way is told by the bag alone.
     "wu2018 late, twice, in bursts": (
         [
@@ -111,7 +122,7 @@ def figures(run: ReportedRun) -> dict[str, bytes]:
 def test_a_bag_says_the_same_without_its_classes_and_imports_none(name: str, theirs: Path, tmp_path: Path) -> None:
     overrides, modules = SYSTEMS[name]
     scenario = with_their(load(name.partition(" ")[0], None, overrides), modules, tmp_path)
-    assert foreign_classes(scenario.nodes)
+    assert foreign_classes(scenario.classes)
     run_in_process(scenario, tmp_path / "bag")
     trusting = read_run(tmp_path / "bag", trust=True)
     before = imported(theirs)

@@ -19,6 +19,7 @@ from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrival, Arrivals
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.media.frame import landing_tick
 from etac_ros.parameters import FloatArray
 
 
@@ -60,8 +61,14 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
     """
     found = []
     way = Way(link.channel, receiver)
+    landed = recording.landed_ns(link.name) if link.medium else {}
     for message in recording.messages[link.name]:
-        for arrival in way.arrivals(message.sequence, message.tick):
+        sent = message.tick
+        if link.medium:
+            if message.sequence not in landed:
+                continue  # it is waiting, was dropped, or has collided for the last time
+            sent = landing_tick(landed[message.sequence], graph.ticks_per_second)
+        for arrival in way.arrivals(message.sequence, sent):
             if arrival < graph.end_tick:
                 # What is late comes in the first step of its tick, whichever step it was sent in.
                 found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))

@@ -33,6 +33,7 @@ from etac_ros.scenario.classes import (
 )
 from etac_ros.scenario.document import EVERYWHERE, choice, nearest, shown
 from etac_ros.scenario.faults import field_names, unknown_key
+from etac_ros.scenario.media import media_of
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
 
 _SHORT_NAMES: dict[str, type[Module]] = {
@@ -148,7 +149,8 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     }
     external = frozenset(name for name, section in nodes.items() if section.get("external"))
     reads = {name: section["reads"] for name, section in nodes.items() if "reads" in section}
-    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external)
+    media = media_of(run, links, file)
+    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media)
     _check(graph, file)
     return graph
 
@@ -250,7 +252,9 @@ def _link(
         section.duplication,
         run.ticks_per_second,
     )
-    return Link(name, topic, section.kind, sender, port, receivers, wire, channel)
+    if section.medium is not None and section.kind is LinkKind.PHYSICAL:
+        raise ScenarioError(f"{where}.medium", "a physical link carries light or torque, no frames", "no key 'medium'")
+    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "")
 
 
 def _delay_ticks(section: LinkSection, ticks_per_second: int) -> float:

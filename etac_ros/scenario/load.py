@@ -77,6 +77,11 @@ class Scenario:
         return self.run.published.figures
 
     @property
+    def classes(self) -> Mapping[str, Any]:
+        """The parts of the scenario that name classes: its nodes, and the access rules of its media."""
+        return {**self.nodes, "media": {name: medium.access for name, medium in self.run.media.items()}}
+
+    @property
     def text(self) -> str:
         """The complete parameter file of this run."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
