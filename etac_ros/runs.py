@@ -129,7 +129,7 @@ def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[Topi
     """Create the bag of a run, with the complete parameter file inside."""
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
-    derive_with = scenario.build() if foreign_classes(scenario.nodes) else None
+    derive_with = scenario.build() if foreign_classes(scenario.classes) else None
     return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
 
 
@@ -187,7 +187,7 @@ def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None)
     ended = time.perf_counter()
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
-        derive_with = scenario.build() if foreign_classes(scenario.nodes) else None
+        derive_with = scenario.build() if foreign_classes(scenario.classes) else None
         write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments, derive_with)
     summary = summarise(
         scenario,

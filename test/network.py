@@ -72,7 +72,7 @@ class Network:
         messages: dict[str, list[Message]] = {name: [] for name in self.graph.links}
         for link, sequence, tick, step in self.master.take_message_log():
             messages[link].append(Message(sequence, tick, step, self.values[MessageId(link, sequence)]))
-        return Recording(messages, self.truth)
+        return Recording(messages, self.truth, self.master.take_air_log())
 
     def check_done(self) -> None:
         """All that was laid down was done, by everybody, and nothing else."""

@@ -41,6 +41,7 @@ def assert_same(one: Recording, other: Recording) -> None:
         assert places == [(m.sequence, m.tick, m.step) for m in other.messages[link]], link
         for mine, theirs in zip(messages, other.messages[link], strict=True):
             assert mine.value.tobytes() == theirs.value.tobytes(), f"{link}#{mine.sequence}"
+    assert one.air == other.air
     for plant in one.truth:
         first, samples = one.samples(plant)
         assert (first, samples.tobytes()) == (other.samples(plant)[0], other.samples(plant)[1].tobytes())

@@ -23,6 +23,7 @@ FLOORS = [
     "plants",
     "laws",
     "triggers",
+    "media",
     "graph",
     "modules",
     "timing",

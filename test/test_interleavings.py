@@ -41,6 +41,34 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
     ),
     "xie2021 short windows": ("xie2021", None, ["duration_s=0.1", "windows={first: 1, longest: 2}"]),
     "xie2021 pull": ("xie2021", "pull", ["duration_s=0.2"]),
+    "wu2018 on the air": (
+        "wu2018",
+        None,
+        [
+            "duration_s=20",
+            "media={air: {rate_bit_s: 1000.0, overhead: ccsds-proximity-1}}",
+            "links.filtered_error={medium: air, loss: 0.2}",
+            "links.torque_command={medium: air, duplication: 0.5}",
+        ],
+    ),
+    "xie2021 on the air": (
+        "xie2021",
+        "held",
+        [
+            "duration_s=0.2",
+            "media={air: {rate_bit_s: 20000.0, access: {class: 'etac_ros.media.csma:Csma'}, queue: {full: replace}}}",
+            "links.state.medium=air",
+        ],
+    ),
+    "wu2018 jitter": (
+        "wu2018",
+        None,
+        [
+            "duration_s=20",
+            "links.filtered_error={jitter: {exponential_s: 0.5}, duplication: 0.5}",
+            "links.torque_command={bursts: {good_s: 2.0, bad_s: 1.0}}",
+        ],
+    ),
     "xie2021 outage": ("xie2021", "held", ["duration_s=0.2", "links.sc1_state.outages={sc2/sensor: [0.01, 0.1]}"]),
 }
 
@@ -78,9 +106,42 @@ TOYS: Mapping[str, dict[str, Any]] = {
     "both at once, then one": {"a": {"at": [0, 2]}, "b": {"at": [0, 1, 2]}},
     "one answers": {"a": {"at": [0, 2]}, "b": {"at": [1], "echo": True}},
     "answered late": {"a": {"at": [0, 1]}, "b": {"echo": True}, "a_says": {"delay_ticks": 1}},
+    "answered twice, late": {
+        "a": {"at": [0, 1]},
+        "b": {"echo": True},
+        "a_says": {"jitter": {"uniform_s": 0.15}, "duplication": 0.9},
+    },
+    "lost in a burst": {
+        "a": {"at": [0, 1, 2]},
+        "b": {"echo": True},
+        "a_says": {"bursts": {"good_s": 0.1, "bad_s": 0.1}},
+    },
     "lost for one of two": {"a": {"at": [0, 1, 2]}, "b": {"echo": True}, "a_says": {"loss": 0.5}},
     "above a bound that grows": {"a": {"above": 0.5}, "b": {"at": [1]}},
 }
+
+
+ON_THE_AIR = {"air": {"rate_bit_s": 1000.0, "access": {"class": "etac_ros.media.csma:Csma", "slot_s": 0.01}}}
+TOYS_ON_THE_AIR: Mapping[str, dict[str, Any]] = {
+    "both wait": {"a": {"at": [0]}, "b": {"at": [0]}, "a_says": {"medium": "air"}, "b_says": {"medium": "air"}},
+    "answered over the air": {"a": {"at": [0]}, "b": {"echo": True}, "a_says": {"medium": "air", "duplication": 0.9}},
+}
+
+
+@pytest.mark.parametrize("case", list(TOYS_ON_THE_AIR))
+@pytest.mark.parametrize("longest", [1, 4])
+def test_every_interleaving_of_two_plants_on_a_medium(case: str, longest: int, tmp_path: Path) -> None:
+    links = dict(TOYS_ON_THE_AIR[case])
+    sensors = {name: links.pop(name) for name in ("a", "b")}
+    scenario = toy(tmp_path, sensors, duration_ticks=3, media=ON_THE_AIR, **links)
+    windows = WindowPolicy(1, longest)
+    by_calls = InProcess(scenario.build(), windows).run()
+    assert by_calls.air
+    runs = 0
+    for network in every_interleaving(lambda: Network(scenario.build(), windows), most=4000):
+        assert_same(network.recording(), by_calls)
+        runs += 1
+    assert runs
 
 
 @pytest.mark.parametrize("case", list(TOYS))

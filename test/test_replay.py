@@ -106,7 +106,19 @@ def test_energy_of_a_part_of_a_run(tmp_path: Path) -> None:
     assert replay.energy(run.graph, run.recording, "/plant", 700, 100) == 0.0
 
 
-@pytest.mark.parametrize("says", [{}, {"delay_ticks": 2}, {"loss": 0.5}, LATE, {"outages": {"/a/sensor": [0.0, 1.0]}}])
+@pytest.mark.parametrize(
+    "says",
+    [
+        {},
+        {"delay_ticks": 2},
+        {"loss": 0.5},
+        LATE,
+        {"outages": {"/a/sensor": [0.0, 1.0]}},
+        {"jitter": {"exponential_s": 0.3}, "duplication": 0.5},
+        {"jitter": {"exponential_s": 0.3, "overtaking": False}, "duplication": 0.5},
+        {"delay_s": 0.15, "bursts": {"good_s": 0.5, "bad_s": 0.5}},
+    ],
+)
 def test_arrivals_are_those_that_each_receiver_was_given(says: dict[str, Any], tmp_path: Path) -> None:
     sensors = {"a": {"at": [1, 4, 5, 9, 19]}, "b": {"at": [4, 5, 17, 18]}}
     run = Watched(toy(tmp_path, sensors, a_says={"loss": 0.2}, b_says=says))

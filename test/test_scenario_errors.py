@@ -18,6 +18,16 @@ INERTIA = "[2.0, 0.1, 0.0, 0.1, 3.0, 0.0, 0.0, 0.0, 4.0]"
 QUATERNION = "attitude_q: [0.8, 0.6, 0.0, 0.0]"
 TORQUE = "torque: {from: /actuator, to: [/plant], kind: physical}"
 SIGNAL = "signal: {from: /sensor, to: [/controller], kind: network}"
+WITH_SIGNAL = f"seed: 3\n    links:\n      {SIGNAL}"
+
+
+def on_air(medium: str, joins: str = "air") -> str:
+    """The signal on a medium, in the place of ``WITH_SIGNAL``."""
+    joined = SIGNAL.replace("kind", f"medium: {joins}, kind")
+    return f"seed: 3\n    media: {{air: {medium}}}\n    links:\n      {joined}"
+
+
+TDMA = "class: 'etac_ros.media.tdma:Tdma'"
 
 # What is replaced in the small scenario, by what, and parts of the message in their order.
 IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
@@ -30,6 +40,71 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
         SIGNAL,
         SIGNAL.replace("kind", "knid"),
         ["/**.links.signal", "kind: is missing", "knid: unknown key", "'kind'?"],
+    ),
+    "two delays": (
+        SIGNAL,
+        SIGNAL.replace("kind", "delay_ticks: 1, delay_s: 0.1, kind"),
+        ["/**.links.signal", "delay_ticks and delay_s say the same thing"],
+    ),
+    "losses of two kinds": (
+        SIGNAL,
+        SIGNAL.replace("kind", "loss: 0.1, bursts: {good_s: 1.0, bad_s: 1.0}, kind"),
+        ["/**.links.signal", "loss is of each message by itself, bursts has losses of its own"],
+    ),
+    "jitter of two kinds": (
+        SIGNAL,
+        SIGNAL.replace("kind", "jitter: {uniform_s: 0.1, normal_s: 0.1}, kind"),
+        ["/**.links.signal.jitter", "uniform_s and normal_s are given"],
+    ),
+    "everything is lost": (
+        SIGNAL,
+        SIGNAL.replace("kind", "loss: 1.0, kind"),
+        ["/**.links.signal.loss", "found 1.0", "less than 1"],
+    ),
+    "a medium nobody joins": (
+        "seed: 3",
+        "seed: 3\n    media: {air: {rate_bit_s: 1000.0}}",
+        ["/**.media.air: no link joins it", "medium: air"],
+    ),
+    "a link on an unknown medium": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 1000.0}", "ari"),
+        ["/**.links.signal.medium: there is no medium 'ari'", "air"],
+    ),
+    "torque on the air": (
+        TORQUE,
+        TORQUE.replace("kind", "medium: air, kind"),
+        ["/**.links.torque.medium: a physical link carries light or torque"],
+    ),
+    "a rate too low": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 80.0, overhead: ieee-802.15.4}"),
+        ["/**.media.air.rate_bit_s: 80 bit/s cannot carry one frame of signal a second", "232 or more"],
+    ),
+    "slots that leave a sender out": (
+        WITH_SIGNAL,
+        on_air(f"{{rate_bit_s: 9600.0, access: {{{TDMA}, slot_s: 0.1, senders: [controller]}}}}"),
+        ["/**.media.air.access: the slots leave out /sensor", "senders: [/sensor]"],
+    ),
+    "slots shorter than a frame": (
+        WITH_SIGNAL,
+        on_air(f"{{rate_bit_s: 9600.0, access: {{{TDMA}, slot_s: 0.001}}}}"),
+        ["/**.media.air.access: a frame of link signal takes 0.01 s, longer than a slot", "slot_s: 0.01 or more"],
+    ),
+    "an order of links that are not there": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 9600.0, access: {class: 'etac_ros.media.priority:Priority', order: [sginal]}}"),
+        ["/**.media.air.access: order names sginal", "signal"],
+    ),
+    "an access rule without a class": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 9600.0, access: {slot_s: 0.1}}"),
+        ["/**.media.air.access: found", "a mapping with 'class'"],
+    ),
+    "an access rule of another kind": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 9600.0, access: {class: 'etac_ros.triggers.periodic:Periodic'}}"),
+        ["/**.media.air.access.class: Periodic has no 'may_retry', 'turn'", "etac_ros.media.access:Access"],
     ),
     "unknown key of a node": (
         "reads: /plant",

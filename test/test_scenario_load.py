@@ -304,3 +304,14 @@ def test_name_or_path_of_a_scenario(small: Small, monkeypatch: pytest.MonkeyPatc
     assert load("small.yaml").digest == load(str(path)).digest
     with pytest.raises(ScenarioError):
         load("small")
+
+
+def test_delays_in_seconds_are_rounded_up_to_ticks_and_it_is_said() -> None:
+    found = load("wu2018", overrides=["links.filtered_error.delay_s=0.07", "links.torque_command.delay_s=0.0625"])
+    assert found.rounded == ("links.filtered_error.delay_s: 0.07 s is 2.24 ticks, rounded up to 3 (0.09375 s)",)
+    links = found.graph.links
+    assert (links["filtered_error"].channel.delay_ticks, links["torque_command"].channel.delay_ticks) == (3, 2)
+    with_jitter = load("wu2018", overrides=["links.filtered_error={delay_s: 0.07, jitter: {uniform_s: 0.1}}"])
+    assert with_jitter.graph.links["filtered_error"].channel.delay_ticks == pytest.approx(2.24)
+    assert "sum is rounded up" in with_jitter.rounded[0]
+    assert with_jitter.rounded[0] in with_jitter.notes

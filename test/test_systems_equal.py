@@ -47,6 +47,27 @@ CASES: list[tuple[str, str, list[str]]] = [
     ("qi2022", "smc", ["duration_s=2", "links.feedback.loss=0.2"]),
     ("flexible", "periodic", ["duration_s=60", "links.feedback.delay_ticks=3", "links.feedback.loss=0.3"]),
     ("flexible", "periodic", ["duration_s=40", "links.torque_command.loss=0.5"]),
+    # On a shared medium.
+    (
+        "xie2021",
+        "case1",
+        [
+            "duration_s=3",
+            "media={air: {rate_bit_s: 20000.0, access: {class: 'etac_ros.media.csma:Csma'}, queue: {full: replace}}}",
+            "links.state={medium: air, loss: 0.1, jitter: {exponential_s: 0.01}}",
+        ],
+    ),
+    ("qi2022", "case1", ["duration_s=2", "media={air: {rate_bit_s: 9600.0}}", "links.relative.medium=air"]),
+    # Overtaken, twice, and in bursts.
+    (
+        "flexible",
+        "periodic",
+        [
+            "duration_s=40",
+            "links.feedback={delay_s: 0.013, jitter: {exponential_s: 2.0}, duplication: 0.4}",
+            "links.torque_command={bursts: {good_s: 5.0, bad_s: 2.0}}",
+        ],
+    ),
 ]
 
 
@@ -64,3 +85,5 @@ def test_same_bits(scenario: str, variant: str, overrides: list[str], tmp_path: 
     assert over_ros.summary.final_state == by_calls.summary.final_state
     assert over_ros.summary.triggers == by_calls.summary.triggers
     assert over_ros.summary.measured == by_calls.summary.measured
+    assert over_ros.summary.links == by_calls.summary.links
+    assert over_ros.summary.media == by_calls.summary.media

@@ -143,9 +143,9 @@ def test_an_edge_that_is_down_delivers_nothing_and_comes_back() -> None:
     assert [tick for tick in to_two if tick >= 20_000]
     assert [tick for tick in to_four if 10_000 <= tick < 20_000]
     link = graph.links["sc1_state"]
-    assert link.channel.arrival("/sc2/sensor", 1, 10_000) is None
-    assert link.channel.arrival("/sc2/sensor", 1, 20_000) == 20_000
-    assert link.channel.arrival("/sc3/sensor", 1, 10_000) == 10_000
+    assert link.channel.arrivals("/sc2/sensor", 1, 10_000) == ()
+    assert link.channel.arrivals("/sc2/sensor", 1, 20_000) == (20_000,)
+    assert link.channel.arrivals("/sc3/sensor", 1, 10_000) == (10_000,)
 
 
 def test_lost_first_broadcasts_do_not_stop_anybody() -> None:

@@ -117,7 +117,9 @@ class Brake(Module):
         return {"push": np.array([-0.5])}
 
 
-def toy(folder: Path, sensors: dict[str, dict[str, Any]], duration_ticks: int = 20, **links: Any) -> Scenario:
+def toy(
+    folder: Path, sensors: dict[str, dict[str, Any]], duration_ticks: int = 20, media: Any = None, **links: Any
+) -> Scenario:
     """Two ramps ``/a/ramp`` and ``/b/ramp`` with sensors that hear each other and brakes that hear their sensor.
 
     Parameters
@@ -128,6 +130,8 @@ def toy(folder: Path, sensors: dict[str, dict[str, Any]], duration_ticks: int = 
         Parameters of the sensors of ``a`` and ``b``.
     duration_ticks
         Length of the run at 10 ticks a second.
+    media
+        Shared media.
     links
         Changes of the links ``a_says`` and ``b_says``.
     """
@@ -138,6 +142,7 @@ def toy(folder: Path, sensors: dict[str, dict[str, Any]], duration_ticks: int = 
             "duration_s": duration_ticks / 10,
             "seed": 5,
             "links": {},
+            **({"media": media} if media else {}),
         }
     }
     for name, other in (("a", "b"), ("b", "a")):

@@ -13,11 +13,12 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from etac_ros.graph.channel import Channel
+from etac_ros.graph.channel import Bursts, Channel, Jitter
 from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import WireFormat
+from etac_ros.media.medium import Full, MediumPlan
 from etac_ros.plants.plant import Plant, has_attitude, modes_slice_of
 
 DESCRIPTION_ATTACHMENT = "run.json"
@@ -82,9 +83,32 @@ class LinkDescription(_Model):
     wire: WireFormat
     size: _Index = Field(description="components of a value")
     seed: int
-    delay_ticks: Annotated[int, Field(ge=0)]
+    delay_ticks: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0)]
     loss: Annotated[float, Field(ge=0.0, le=1.0)]
     outages: dict[str, tuple[tuple[int, int], ...]]
+    medium: str | None = None
+    jitter: Jitter | None = None
+    bursts: Bursts | None = None
+    duplication: Annotated[float, Field(ge=0.0, le=1.0)] | None = Field(default=None, description="null for none")
+
+
+class LineDescription(_Model):
+    """What every frame of a link on a medium has in common."""
+
+    sender: str
+    payload_bytes: _Index
+    frame_bytes: _Index = Field(description="payload and overhead")
+    duration_ns: Annotated[int, Field(ge=1)]
+
+
+class MediumDescription(_Model):
+    """One shared medium, as far as it takes to account for what it carried."""
+
+    rate_bit_s: Annotated[float, Field(gt=0.0)]
+    propagation_ns: Annotated[int, Field(ge=0)]
+    queue_length: Annotated[int, Field(ge=1)]
+    queue_full: Full
+    lines: dict[str, LineDescription]
 
 
 class RunDescription(_Model):
@@ -95,6 +119,7 @@ class RunDescription(_Model):
     end_tick: Annotated[int, Field(ge=0)]
     nodes: dict[str, NodeDescription]
     links: dict[str, LinkDescription]
+    media: dict[str, MediumDescription] | None = Field(default=None, description="null for none")
     derived: dict[str, tuple[Columns, ...]] = Field(
         default={}, description="by node: columns of its topic /emulation/NODE/derived"
     )
@@ -108,6 +133,7 @@ def describe_run(graph: Graph, derived: Mapping[str, tuple[Columns, ...]]) -> Ru
         end_tick=graph.end_tick,
         nodes={name: _node(graph, name, module) for name, module in graph.modules.items()},
         links={name: _link(link) for name, link in graph.links.items()},
+        media={name: _medium(plan) for name, plan in graph.media.items()} or None,
         derived=dict(derived),
     )
 
@@ -189,6 +215,20 @@ def _link(link: Link) -> LinkDescription:
         delay_ticks=channel.delay_ticks,
         loss=channel.loss,
         outages=dict(channel.outages),
+        medium=link.medium or None,
+        jitter=channel.jitter,
+        bursts=channel.bursts,
+        duplication=channel.duplication or None,
+    )
+
+
+def _medium(plan: MediumPlan) -> MediumDescription:
+    return MediumDescription(
+        rate_bit_s=plan.rate_bit_s,
+        propagation_ns=plan.propagation_ns,
+        queue_length=plan.queue_length,
+        queue_full=plan.queue_full,
+        lines={name: LineDescription(**line._asdict()) for name, line in plan.lines.items()},
     )
 
 
@@ -208,6 +248,8 @@ def _faults(found: RunDescription) -> list[str]:
             joined = found.nodes.get(end)
             if joined is None or getattr(joined, ports).get(port) != link.size:
                 faults.append(f"links.{name}: {end}:{port} is none of the {ports} of a node, of size {link.size}")
+        if link.medium is not None and name not in _lines(found, link.medium):
+            faults.append(f"links.{name}.medium: '{link.medium}' does not carry it")
     for name, columns in found.derived.items():
         if name not in found.nodes:
             faults.append(f"derived: there is no node '{name}'")
@@ -219,3 +261,7 @@ def _faults(found: RunDescription) -> list[str]:
                 faults.append(f"derived.{name}: {len(part.axes)} axes of columns {part.span}")
             place = part.span[1]
     return faults
+
+
+def _lines(found: RunDescription, medium: str) -> Mapping[str, LineDescription]:
+    return found.media[medium].lines if found.media and medium in found.media else {}

@@ -6,13 +6,18 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.topics import link_topic, truth_topic
+from etac_ros.graph import topics
+from etac_ros.graph.air import to_rows
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.truth import MOST_SAMPLES
+from etac_ros.media.frame import landing_tick
 
 _Entry = tuple[tuple[int, int, int, int], str, Callable[[], bytes]]
 """Place in the bag (tick, step, topic, sequence), topic, and how to serialize the message."""
@@ -45,7 +50,9 @@ def write_recording(
         If the bag cannot be written.
     """
     rate = graph.ticks_per_second
-    entries = sorted(_messages(graph, recording) + _truth(graph, recording), key=lambda entry: entry[0])
+    entries = sorted(
+        _messages(graph, recording) + _truth(graph, recording) + _air(graph, recording), key=lambda entry: entry[0]
+    )
     with RunBag(directory, graph, attachments, metadata, derive_with=derive_with) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
             published = tick_time_ns(tick, rate)
@@ -62,6 +69,17 @@ def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
             serialized = partial(encode, topic.type_name, message.value, stamp)
             entries.append(((message.tick, message.step, place, message.sequence), topic.name, serialized))
     return entries
+
+
+def _air(graph: Graph, recording: Recording) -> list[_Entry]:
+    rows = to_rows(recording.air, list(graph.links))
+    tick = max((landing_tick(fate.end_ns, graph.ticks_per_second) for fate in recording.air), default=0)
+    place = len(graph.links) + len(graph.plants)
+    return [
+        ((tick, AFTER_ALL_STEPS, place, 1 + number), topics.AIR, partial(encode_truth, tick, some))
+        for number, some in enumerate(np.split(rows, range(MOST_SAMPLES, rows.shape[0], MOST_SAMPLES)))
+        if some.size
+    ]
 
 
 def _truth(graph: Graph, recording: Recording) -> list[_Entry]:

@@ -16,9 +16,11 @@ from etac_ros.bag.contents import Contents, RawMessage, mcap_file
 from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.metadata import FILE_NAME, read_counts
 from etac_ros.bag.run_metadata import ticks_per_second
-from etac_ros.bag.topics import TopicDescription
+from etac_ros.bag.topics import AIR, TopicDescription
 from etac_ros.errors import BagError
+from etac_ros.graph.air import from_rows
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.media.frame import Fate
 from etac_ros.parameters import FloatArray
 
 _Chunks = dict[str, list[tuple[int, FloatArray]]]
@@ -109,7 +111,8 @@ class Bag:
     def _everything(self) -> tuple[Recording, _Chunks]:
         links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
         truth: _Chunks = {t.plant: [] for t in self.topics if t.plant is not None}
-        derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None}
+        derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None and t.derived != AIR}
+        air: list[tuple[int, list[Fate]]] = []
         for raw in self.messages():
             topic = raw.topic
             try:
@@ -117,6 +120,9 @@ class Bag:
                     links[topic.link].append(self._message(raw))
                 elif topic.plant is not None:
                     truth[topic.plant].append(self._samples(raw))
+                elif topic.derived == AIR:
+                    rows = decode_truth(raw.cdr)[1]
+                    air.append((raw.sequence, from_rows(rows, list(links))))
                 elif topic.derived is not None:
                     derived[topic.derived].append(self._samples(raw))
             except ValueError as error:
@@ -128,7 +134,8 @@ class Bag:
                     raise self._unfit(f"link {link}", f"message {after.sequence} stands there twice")
         for plant, chunks in truth.items():
             self._check_continuous(f"truth of {plant}", chunks)
-        return Recording(messages=links, truth=truth), derived
+        fates = [fate for _, some in sorted(air, key=lambda item: item[0]) for fate in some]
+        return Recording(messages=links, truth=truth, air=fates), derived
 
     def _message(self, raw: RawMessage) -> Message:
         tick = tick_of(raw.tick_time_ns, self.ticks_per_second)

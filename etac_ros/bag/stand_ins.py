@@ -13,7 +13,14 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from etac_ros.bag.description import Columns, NodeDescription, PlantDescription, RunDescription
+from etac_ros.bag.description import (
+    Columns,
+    LinkDescription,
+    MediumDescription,
+    NodeDescription,
+    PlantDescription,
+    RunDescription,
+)
 from etac_ros.errors import RunError
 from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph, Link
@@ -21,6 +28,8 @@ from etac_ros.graph.module import Context, Module, Window
 from etac_ros.graph.plant import PlantModule, PlantModuleParameters
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.wire import Wire
+from etac_ros.media.frame import Line
+from etac_ros.media.medium import MediumPlan
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Body, Plant
 from etac_ros.plants.watch import Watch
@@ -63,13 +72,36 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             link.port,
             link.receivers,
             Wire(link.wire, link.size),
-            Channel(link.seed, name, link.delay_ticks, link.loss, link.outages),
+            _channel(name, link, run.ticks_per_second),
+            link.medium or "",
         )
         for name, link in run.links.items()
     }
     reads = {name: node.reads for name, node in run.nodes.items() if node.reads is not None}
     external = frozenset(name for name, node in run.nodes.items() if node.external)
-    return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external)
+    media = {name: _medium(name, medium) for name, medium in (run.media or {}).items()}
+    return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external, media)
+
+
+def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel:
+    return Channel(
+        link.seed,
+        name,
+        link.delay_ticks,
+        link.loss,
+        link.outages,
+        link.jitter,
+        link.bursts,
+        link.duplication or 0.0,
+        ticks_per_second,
+    )
+
+
+def _medium(name: str, medium: MediumDescription) -> MediumPlan:
+    lines = {link: Line(**line.model_dump()) for link, line in medium.lines.items()}
+    return MediumPlan(
+        name, 0, medium.rate_bit_s, medium.propagation_ns, medium.queue_length, medium.queue_full, lines, None
+    )
 
 
 class _Rows:

@@ -19,6 +19,8 @@ _KIND_OF_LINK: dict[LinkKind, TopicKind] = {
     LinkKind.INTERNAL: "internal",
     LinkKind.PHYSICAL: "physical",
 }
+AIR = "the air"
+"""Of what the fates of frames are derived, where others have the name of a node."""
 _KIND, _LINK, _PLANT, _DERIVED = "etac_ros.kind", "etac_ros.link", "etac_ros.plant", "etac_ros.derived"
 
 
@@ -63,10 +65,15 @@ def derived_topic(node: str) -> TopicDescription:
     return TopicDescription(topics.derived_topic(node), TABLE_TYPE, "derived", derived=node)
 
 
+AIR_TOPIC = TopicDescription(topics.AIR, TABLE_TYPE, "derived", derived=AIR)
+"""What became of frames on shared media (:mod:`etac_ros.graph.air`): a table that the recorder writes itself."""
+
+
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:
-    """Describe what every bag of a graph holds: its links, then the truth of its plants."""
+    """Describe what every bag of a graph holds: its links, the truth of its plants, and what happened on media."""
     links = tuple(link_topic(link) for link in graph.links.values())
-    return links + tuple(truth_topic(plant) for plant in graph.plants)
+    air = (AIR_TOPIC,) if graph.media else ()
+    return links + tuple(truth_topic(plant) for plant in graph.plants) + air
 
 
 def to_channel_metadata(topic: TopicDescription) -> dict[str, str]:

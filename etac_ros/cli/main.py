@@ -226,7 +226,10 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
     """Print the complete parameter file of a run, for nodes that are started by hand."""
     from etac_ros.scenario.load import load
 
-    typer.echo(load(scenario, variant, set_ or ()).text, nl=False)
+    loaded = load(scenario, variant, set_ or ())
+    for note in loaded.rounded:
+        typer.echo(f"# {note}")
+    typer.echo(loaded.text, nl=False)
 
 
 @app.command("list")

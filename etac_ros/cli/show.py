@@ -12,9 +12,13 @@ from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.metrics.cells import (
     KINDS,
+    LINK_ACCOUNT,
+    MEDIUM_ACCOUNT,
     PERFORMANCE_SHORT,
     WATCHED,
     is_outside,
+    link_account_cells,
+    medium_account_cells,
     paper_cells,
     performance_cells,
     printed,
@@ -67,7 +71,7 @@ def run_tables(scenario: Scenario, summary: Summary) -> list[Table]:
     tables = [_figures([key for key in shown if key not in of_families], source, summary, bool(alike))]
     if alike:
         tables.append(_by_namespace(alike, source, summary))
-    tables += [_topics(summary), _performance(summary)]
+    tables += [_topics(summary), *_accounts(summary), _performance(summary)]
     return tables + ([_watched(summary)] if summary.watches else [])
 
 
@@ -139,6 +143,19 @@ def _topics(summary: Summary) -> Table:
         if topics:
             rows.append(Row((f"all {kind}", "", *topic_cells(totals_of(summary, kind))), strong=True, ends=True))
     return _topic_table(rows)
+
+
+def _accounts(summary: Summary) -> list[Table]:
+    """What became of messages on links that are not ideal, and what shared media carried; nothing for ideal links."""
+    tables = []
+    if summary.links:
+        rows = tuple(Row((name, *link_account_cells(account))) for name, account in summary.links.items())
+        note = "each message counted for each receiver; age: of the newest information, mean and peak"
+        tables.append(Table("", ("link", *LINK_ACCOUNT), rows, (note,)))
+    if summary.media:
+        rows = tuple(Row((name, *medium_account_cells(account))) for name, account in summary.media.items())
+        tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows))
+    return tables
 
 
 def _topic_table(rows: Sequence[Row], *more: str) -> Table:

@@ -65,6 +65,7 @@ class InProcess:
                 orders = batches.send(reports)
             except StopIteration:
                 break
+        self.recording.air += self.master.take_air_log()
         for link, sequence, tick, step in self.master.take_message_log():
             value = self._values[MessageId(link, sequence)]
             self.recording.messages[link].append(Message(sequence, tick, step, value))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from etac_ros.graph.channel import Channel
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import Wire, WireFormat
+from etac_ros.media.medium import MediumPlan
 
 
 class LinkKind(StrEnum):
@@ -37,6 +38,8 @@ class Link:
     """Receiving module to its input port."""
     wire: Wire
     channel: Channel
+    medium: str = ""
+    """The shared medium that its messages cross before the channel has its say; empty for none."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ class Graph:
         Modules that a foreign node plays: etac_ros never starts them.
     ticks_per_second, end_tick
         The tick grid and the first tick that is not acted on.
+    media
+        Shared media by name.
     """
 
     modules: Mapping[str, Module]
@@ -63,6 +68,7 @@ class Graph:
     ticks_per_second: int
     end_tick: int
     external: frozenset[str] = frozenset()
+    media: Mapping[str, MediumPlan] = field(default_factory=dict)
 
     @cached_property
     def plants(self) -> tuple[str, ...]:
@@ -105,8 +111,8 @@ class Graph:
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It never acts by itself, and it has one input, whose channel lets it tell from a message whether that arrives;
-        and where it needs to know the time, the message has it.
+        It never acts by itself, and it has one input, which crosses no medium and whose channel lets it tell from a
+        message whether that arrives; and where it needs to know the time, the message has it.
         """
         incoming = self.hears[module]
         node = self.modules[module]
@@ -114,4 +120,4 @@ class Graph:
             return False
         link = incoming[0]
         told = not self.needs_time(module) or link.wire.format is WireFormat.STAMPED
-        return link.channel.told_by_message and told
+        return link.channel.told_by_message and not link.medium and told

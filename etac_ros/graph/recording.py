@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from etac_ros.media.frame import Fate, Outcome
 from etac_ros.parameters import FloatArray
 
 _NONE = np.empty((0, 0))
@@ -32,10 +33,14 @@ class Recording:
         By link name, in order of sequence number.
     truth
         Committed samples of each plant as (first tick, samples) chunks without gaps.
+    air
+        What became of frames on shared media, in the order in which it did.
     """
 
     messages: dict[str, list[Message]] = field(default_factory=dict)
     truth: dict[str, list[tuple[int, FloatArray]]] = field(default_factory=dict)
+    air: list[Fate] = field(default_factory=list)
+    _landed: tuple[int, dict[str, dict[int, int]]] | None = field(default=None, repr=False, compare=False)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
     """By plant: how many chunks there were when they were last joined, and all their samples."""
 
@@ -46,11 +51,23 @@ class Recording:
             for message in self.messages[link]:
                 found.update(f"{link}#{message.sequence} {message.tick}:{message.step}=".encode())
                 found.update(message.value.tobytes())
+        for fate in self.air:
+            found.update(f"air {tuple(fate)}".encode())
         for plant in sorted(self.truth):
             first, samples = self.samples(plant)
             found.update(f"{plant}@{first}=".encode())
             found.update(np.ascontiguousarray(samples).tobytes())
         return found.hexdigest()
+
+    def landed_ns(self, link: str) -> dict[int, int]:
+        """When the messages of a link that crossed a medium had reached its receivers [ns], by sequence number."""
+        if self._landed is None or self._landed[0] != len(self.air):
+            by_link: dict[str, dict[int, int]] = {}
+            for fate in self.air:
+                if fate.outcome is Outcome.SENT:
+                    by_link.setdefault(fate.link, {})[fate.sequence] = fate.landed_ns
+            self._landed = len(self.air), by_link
+        return self._landed[1].get(link, {})
 
     def samples(self, plant: str) -> tuple[int, FloatArray]:
         """All committed samples of a plant: the tick of the first, and an array of shape (n, states).

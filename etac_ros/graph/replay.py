@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrival, Arrivals
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.media.frame import landing_tick
 from etac_ros.parameters import FloatArray
 
 
@@ -53,16 +55,23 @@ class Staircase:
 
 
 def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
-    """The messages of a link that reached a receiver, in the order of their sequence numbers.
+    """The messages of a link that reached a receiver, in the order of their sequence numbers; each as often as it did.
 
     Nobody acts at the end tick or later, so what would arrive there has not arrived.
     """
     found = []
+    way = Way(link.channel, receiver)
+    landed = recording.landed_ns(link.name) if link.medium else {}
     for message in recording.messages[link.name]:
-        arrival = link.channel.arrival(receiver, message.sequence, message.tick)
-        if arrival is not None and arrival < graph.end_tick:
-            # What is late comes in the first step of its tick, whichever step it was sent in.
-            found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
+        sent = message.tick
+        if link.medium:
+            if message.sequence not in landed:
+                continue  # it is waiting, was dropped, or has collided for the last time
+            sent = landing_tick(landed[message.sequence], graph.ticks_per_second)
+        for arrival in way.arrivals(message.sequence, sent):
+            if arrival < graph.end_tick:
+                # What is late comes in the first step of its tick, whichever step it was sent in.
+                found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
     return found
 
 

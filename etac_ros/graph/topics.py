@@ -19,6 +19,8 @@ LEAVE = f"{EMULATION}/leave"
 FAULT = f"{EMULATION}/fault"
 MESSAGE_LOG = f"{EMULATION}/message_log"
 RECORDED = f"{EMULATION}/recorded"
+AIR = f"{EMULATION}/air"
+"""What became of frames on shared media; only in bags."""
 
 _WINDOW, _TRUTH, _NEXT, _GO = "window", "truth", "next", "go"
 
@@ -52,4 +54,4 @@ def type_of(topic: str) -> str:
     """Message type of a topic of the emulation plane that is no link, for instance ``std_msgs/msg/String``."""
     if topic == CLOCK:
         return CLOCK_TYPE
-    return TABLE_TYPE if topic.rpartition("/")[2] in (_WINDOW, _TRUTH) else NOTE_TYPE
+    return TABLE_TYPE if topic == AIR or topic.rpartition("/")[2] in (_WINDOW, _TRUTH) else NOTE_TYPE

@@ -8,6 +8,7 @@ would take a varying number and lose the random access.
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from etac_ros.parameters import FloatArray
 _WORDS_A_BLOCK = 4
 
 
+@lru_cache(maxsize=4096)
 def stream_key(seed: int, stream: str) -> int:
     """128-bit Philox key of a named stream (for instance a sensor's full name) under a seed."""
     return int.from_bytes(hashlib.sha256(f"{seed}/{stream}".encode()).digest()[:16], "little")

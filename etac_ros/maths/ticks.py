@@ -38,13 +38,18 @@ def whole_ticks(duration_s: float, ticks_per_second: int) -> int:
     ValueError
         If the duration is no whole number of ticks: nothing is rounded.
     """
-    ticks = Fraction(repr(float(duration_s))) * ticks_per_second
+    ticks = ticks_in(duration_s, ticks_per_second)
     if ticks.denominator != 1:
         below = int(ticks) / ticks_per_second
         above = (int(ticks) + 1) / ticks_per_second
         nearest = f"the nearest are {below:.9g} s and {above:.9g} s" if below else f"one tick is {above:.9g} s"
         raise ValueError(f"{duration_s} s is no whole number of ticks of 1/{ticks_per_second} s; {nearest}")
     return int(ticks)
+
+
+def ticks_in(duration_s: float, ticks_per_second: int) -> Fraction:
+    """Exact number of ticks in a duration [s], whole or not; its shortest decimal form is what counts."""
+    return Fraction(repr(float(duration_s))) * ticks_per_second
 
 
 def nanoseconds(tick: int, ticks_per_second: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from etac_ros.metrics.accounts import LinkAccount, MediumAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
 from etac_ros.tables.numbers import band, bracketed, number, optional, type_words
 
@@ -36,6 +37,40 @@ def watched_cells(watched: Watched) -> tuple[str, ...]:
 def watched_name(watched: Watched) -> str:
     """What is watched, with its unit."""
     return f"{watched.name}{bracketed(watched.unit)}"
+
+
+LINK_ACCOUNT = (
+    "sent", "delivered", "lost", "dropped", "given up", "under way", "twice", "overtaken", "delay [s]", "99 %", "most",
+    "age [s]", "peak",
+)  # fmt: skip
+"""Of a link that is not ideal, each message counted for each receiver; the first delay is the median."""
+MEDIUM_ACCOUNT = (
+    "frames", "collided", "given up", "dropped", "payload", "overhead", "collided bytes", "air time [s]", "used",
+    "first drop [s]",
+)  # fmt: skip
+"""Of a shared medium."""
+
+
+def link_account_cells(account: LinkAccount) -> tuple[str, ...]:
+    """In the order of ``LINK_ACCOUNT``."""
+    counts = (
+        account.sent, account.delivered, account.lost, account.dropped, account.given_up, account.under_way,
+        account.duplicated, account.overtaken,
+    )  # fmt: skip
+    times = (
+        account.median_delay_s, account.p99_delay_s, account.most_delay_s, account.mean_age_s, account.peak_age_s,
+    )  # fmt: skip
+    return (*(f"{count:,}" for count in counts), *(optional(time, ".3g") for time in times))
+
+
+def medium_account_cells(account: MediumAccount) -> tuple[str, ...]:
+    """In the order of ``MEDIUM_ACCOUNT``."""
+    counts = (
+        account.frames, account.collided, account.given_up, account.dropped, account.payload_bytes,
+        account.overhead_bytes, account.collided_bytes,
+    )  # fmt: skip
+    used = f"{100.0 * account.utilisation:.3g} %"
+    return (*(f"{count:,}" for count in counts), f"{account.air_time_s:.4g}", used, optional(account.overflow_s, ".6g"))
 
 
 def topic_cells(counted: Totals) -> tuple[str, str, str]:

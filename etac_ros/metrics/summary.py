@@ -17,6 +17,7 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
+from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
 from etac_ros.plants.plant import errors_of, has_attitude
@@ -146,6 +147,10 @@ class Summary(_Model):
     halted: str = Field(description="why a watch ended the run early; empty otherwise")
     triggers: dict[str, Triggers] = Field(description="by the sensor's full name")
     topics: dict[str, Topic]
+    links: dict[str, LinkAccount] = Field(
+        default={}, description="what became of the messages of each link that is not ideal, on the emulated air"
+    )
+    media: dict[str, MediumAccount] = Field(default={}, description="what each shared medium carried")
     network: Totals
     internal: Totals
     emulation: Totals
@@ -239,6 +244,8 @@ def summarise(
         halted=halted,
         triggers=_triggers(graph, recording, steady),
         topics=topics,
+        links=link_accounts(graph, recording),
+        media=medium_accounts(graph, recording),
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),

@@ -45,6 +45,8 @@ def page(view: View, drawn: list[Drawn]) -> str:
     for table in (
         tables.published_table(view),
         tables.traffic_table(view),
+        tables.link_table(view),
+        tables.medium_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),

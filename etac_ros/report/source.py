@@ -142,7 +142,7 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         scenario = _scenario(bag, found, read_resolved)
         graph, description = _without_classes(bag, found, recording, derived, foreign)
         kinds = {plant: description.nodes[plant].cls for plant in graph.plants}
-        names = ", ".join(foreign_classes(scenario.nodes))
+        names = ", ".join(foreign_classes(scenario.classes))
         left_out = (
             f"this bag names classes that are not of etac_ros ({names}), which were not imported. What trigger rules "
             "compared is left out; etac report --trust shows it, and runs their code."

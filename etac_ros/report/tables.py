@@ -6,9 +6,13 @@ from typing import Any
 
 from etac_ros.metrics.cells import (
     KINDS,
+    LINK_ACCOUNT,
+    MEDIUM_ACCOUNT,
     PERFORMANCE,
     WATCHED,
     is_outside,
+    link_account_cells,
+    medium_account_cells,
     paper_cells,
     performance_cells,
     topic_type,
@@ -123,6 +127,34 @@ def traffic_table(view: View) -> Table:
         frozenset({"type"}),
         groups,
     )
+
+
+def link_table(view: View) -> Table | None:
+    """What became of messages on links that are not ideal; None if all are."""
+    found: list[_Cells] = [
+        {name: link_account_cells(account) for name, account in run.summary.links.items()} for run in view.runs
+    ]
+    notes = (
+        "Each message counts once for each receiver. Delay: median, 99 % and most of first arrivals. Age: of the "
+        "newest information at a receiver, from its first arrival on, mean and peak.",
+    )
+    return (
+        _of_runs("What became of messages on their way", "link", LINK_ACCOUNT, view, found, notes)
+        if any(found)
+        else None
+    )
+
+
+def medium_table(view: View) -> Table | None:
+    """What shared media carried; None if there are none."""
+    found: list[_Cells] = [
+        {name: medium_account_cells(account) for name, account in run.summary.media.items()} for run in view.runs
+    ]
+    notes = (
+        "The emulated air: over DDS each message crosses once, whatever becomes of it here. Payload and overhead "
+        "[bytes] are those of frames that were alone on the air.",
+    )
+    return _of_runs("What was on the air", "medium", MEDIUM_ACCOUNT, view, found, notes) if any(found) else None
 
 
 def trigger_table(view: View) -> Table | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from itertools import pairwise
@@ -14,7 +15,7 @@ from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import EMULATION
 from etac_ros.graph.wire import Wire, WireFormat
-from etac_ros.maths.ticks import whole_ticks
+from etac_ros.maths.ticks import ticks_in, whole_ticks
 from etac_ros.modules.actuator import Actuator
 from etac_ros.modules.controller import Controller
 from etac_ros.modules.sensor import Sensor
@@ -32,6 +33,7 @@ from etac_ros.scenario.classes import (
 )
 from etac_ros.scenario.document import EVERYWHERE, choice, nearest, shown
 from etac_ros.scenario.faults import field_names, unknown_key
+from etac_ros.scenario.media import media_of
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
 
 _SHORT_NAMES: dict[str, type[Module]] = {
@@ -147,7 +149,8 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     }
     external = frozenset(name for name, section in nodes.items() if section.get("external"))
     reads = {name: section["reads"] for name, section in nodes.items() if "reads" in section}
-    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external)
+    media = media_of(run, links, file)
+    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media)
     _check(graph, file)
     return graph
 
@@ -238,8 +241,46 @@ def _link(
     except ValueError as error:
         raise ScenarioError(f"{where}.wire", str(error)) from None
     outages = _outages(section, receivers, run.ticks_per_second, f"{where}.outages")
-    channel = Channel(run.seed, name, section.delay_ticks, section.loss, outages)
-    return Link(name, topic, section.kind, sender, port, receivers, wire, channel)
+    channel = Channel(
+        run.seed,
+        name,
+        _delay_ticks(section, run.ticks_per_second),
+        section.loss,
+        outages,
+        section.jitter,
+        section.bursts,
+        section.duplication,
+        run.ticks_per_second,
+    )
+    if section.medium is not None and section.kind is LinkKind.PHYSICAL:
+        raise ScenarioError(f"{where}.medium", "a physical link carries light or torque, no frames", "no key 'medium'")
+    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "")
+
+
+def _delay_ticks(section: LinkSection, ticks_per_second: int) -> float:
+    """The fixed delay; a part of a tick stays where jitter is added to it, before the sum is rounded up."""
+    if section.delay_s is None:
+        return section.delay_ticks
+    exact = ticks_in(section.delay_s, ticks_per_second)
+    return math.ceil(exact) if section.jitter is None else float(exact)
+
+
+def rounded_delays(run: RunSection) -> list[str]:
+    """In words: what is no whole number of ticks, and what became of it."""
+    found = []
+    for name, section in run.links.items():
+        if section.jitter is not None:
+            found.append(f"links.{name}: delay and jitter are added, and the sum is rounded up to whole ticks")
+        elif section.delay_s is not None:
+            exact = ticks_in(section.delay_s, run.ticks_per_second)
+            ticks = math.ceil(exact)
+            if ticks != exact:
+                late = ticks / run.ticks_per_second
+                found.append(
+                    f"links.{name}.delay_s: {section.delay_s:g} s is {float(exact):.6g} ticks, "
+                    f"rounded up to {ticks} ({late:.6g} s)"
+                )
+    return found
 
 
 def _outages(

@@ -18,7 +18,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.ticks import whole_ticks
 from etac_ros.plants.plant import notes_of
-from etac_ros.scenario.build import build, node_parameters
+from etac_ros.scenario.build import build, node_parameters, rounded_delays
 from etac_ros.scenario.classes import validated
 from etac_ros.scenario.document import EVERYWHERE, FORMATION, nearest, read_sections, variants_of, write_sections
 from etac_ros.scenario.faults import field_names
@@ -77,6 +77,11 @@ class Scenario:
         return self.run.published.figures
 
     @property
+    def classes(self) -> Mapping[str, Any]:
+        """The parts of the scenario that name classes: its nodes, and the access rules of its media."""
+        return {**self.nodes, "media": {name: medium.access for name, medium in self.run.media.items()}}
+
+    @property
     def text(self) -> str:
         """The complete parameter file of this run."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
@@ -131,7 +136,12 @@ class Scenario:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know before the run, a sentence each."""
-        return (*self.overruled, *_notes_of_plants(self.graph))
+        return (*self.overruled, *self.rounded, *_notes_of_plants(self.graph))
+
+    @property
+    def rounded(self) -> tuple[str, ...]:
+        """What is no whole number of ticks, and what became of it, a sentence each."""
+        return tuple(rounded_delays(self.run))
 
     @cached_property
     def graph(self) -> Graph:

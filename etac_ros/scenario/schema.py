@@ -10,14 +10,18 @@ from pydantic import (
     BeforeValidator,
     Field,
     FiniteFloat,
+    NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
     model_validator,
 )
 
+from etac_ros.graph.channel import Bursts, Jitter
 from etac_ros.graph.graph import LinkKind
 from etac_ros.graph.wire import WireFormat
+from etac_ros.media.medium import Full
+from etac_ros.media.overhead import Profile
 from etac_ros.parameters import Parameters, exactly_one
 
 
@@ -34,10 +38,47 @@ class LinkSection(Parameters):
     topic: str | None = Field(default=None, description="default: the sender's namespace and the link's name")
     wire: WireFormat | None = Field(default=None, description="default: the scenario's wire")
     delay_ticks: NonNegativeInt = 0
-    loss: float = Field(default=0.0, ge=0.0, lt=1.0)
+    delay_s: PositiveFloat | None = Field(
+        default=None, description="instead of delay_ticks; what is no whole tick is rounded up to the next"
+    )
+    jitter: Jitter | None = None
+    loss: float = Field(default=0.0, ge=0.0, lt=1.0, description="of each message by itself")
+    medium: str | None = Field(default=None, description="a shared medium that it crosses first: a key of media")
+    bursts: Bursts | None = Field(default=None, description="losses in bursts, instead of loss")
+    duplication: float = Field(default=0.0, ge=0.0, le=1.0, description="probability that a message arrives twice")
     outages: dict[str, tuple[FiniteFloat, ...]] = Field(
         default={}, description="by receiving node: [from, until, ...] in seconds, when nothing gets through"
     )
+
+    @model_validator(mode="after")
+    def _not_both(self) -> LinkSection:
+        if self.delay_s is not None and self.delay_ticks:
+            raise ValueError("delay_ticks and delay_s say the same thing: keep one of them")
+        if self.bursts is not None and self.loss:
+            raise ValueError("loss is of each message by itself, bursts has losses of its own: keep one of them")
+        return self
+
+
+class QueueSection(Parameters):
+    """What waits at a sender while it may not send."""
+
+    length: PositiveInt = Field(default=64, description="frames")
+    full: Full = Field(
+        default=Full.NEWEST, description="what is dropped when it is full; replace: only the latest of a link waits"
+    )
+
+
+class MediumSection(Parameters):
+    """One shared medium."""
+
+    rate_bit_s: PositiveFloat
+    overhead: Profile = Field(default=Profile.NONE, description="bytes of a frame beside its payload, by protocol")
+    smallest_bytes: NonNegativeInt = Field(default=0, description="what a shorter frame is filled up to")
+    propagation_s: NonNegativeFloat = 0.0
+    access: dict[str, Any] = Field(
+        default={"class": "etac_ros.media.fifo:Fifo"}, description="class of the access rule, and its parameters"
+    )
+    queue: QueueSection = QueueSection()
 
 
 class WindowSection(Parameters):
@@ -254,6 +295,7 @@ class RunSection(Parameters):
     wire: WireFormat = WireFormat.COMPACT
     windows: WindowSection = WindowSection()
     links: dict[str, LinkSection]
+    media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
     steady_from_s: float | None = Field(
         default=None, ge=0.0, description="steady figures are taken from here on; default: over the last 40 %"
     )

@@ -16,7 +16,7 @@ from typing import Any
 import etac_ros
 
 _PACKAGE = Path(etac_ros.__file__).resolve().parent
-_ROOMS = ("graph", "laws", "modules", "plants", "triggers")
+_ROOMS = ("graph", "laws", "media", "modules", "plants", "triggers")
 _own_only: ContextVar[bool] = ContextVar("own_only", default=False)
 
 

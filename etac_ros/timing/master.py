@@ -10,7 +10,11 @@ from collections import defaultdict
 from collections.abc import Generator, Sequence
 
 from etac_ros.errors import ProtocolError
-from etac_ros.graph.graph import Graph
+from etac_ros.graph.channel import Way
+from etac_ros.graph.graph import Graph, Link
+from etac_ros.maths.ticks import nanoseconds
+from etac_ros.media.frame import Fate, landing_tick
+from etac_ros.media.medium import Medium
 from etac_ros.timing.digest import Places, acted, knows_ticks, received
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
 from etac_ros.timing.windows import WindowPolicy
@@ -18,6 +22,11 @@ from etac_ros.timing.windows import WindowPolicy
 Batches = Generator[Sequence[Order], Sequence[Report], None]
 
 _MOST_STEPS_A_TICK = 100
+
+
+def _ways(link: Link) -> tuple[tuple[str, Way | None], ...]:
+    """Receivers with what may become of a message on its way; None where nothing can: that costs nothing."""
+    return tuple((name, None if link.channel.ideal else Way(link.channel, name)) for name in link.receivers)
 
 
 class TimeMaster:
@@ -36,6 +45,8 @@ class TimeMaster:
         The tick that is being worked on, or was last.
     message_log
         The place in time of every message sent since the message log was last taken.
+    air_log
+        What has become of frames on shared media since that log was last taken.
     fired
         Number of triggering instants so far of each module that triggers.
     halted
@@ -51,6 +62,8 @@ class TimeMaster:
         self._last_fired = dict.fromkeys(self.fired, -1)
         self.sent: dict[str, int] = dict.fromkeys(graph.links, 0)
         self.message_log: list[Transit] = []
+        self.air_log: list[Fate] = []
+        self._media = {name: Medium(plan) for name, plan in graph.media.items()}
         self._graph = graph
         self._policy = windows
         self._longest = windows.longest
@@ -59,6 +72,7 @@ class TimeMaster:
         self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
         self._place = {name: index for index, name in enumerate(graph.modules)}
         self._link_place = {name: index for index, name in enumerate(graph.links)}
+        self._ways = {name: _ways(link) for name, link in graph.links.items()}
         self._plants = frozenset(graph.plants)
         self._lookers = frozenset(graph.lookers)
         self._concluding = frozenset(
@@ -76,6 +90,11 @@ class TimeMaster:
     def take_message_log(self) -> list[Transit]:
         """The transits of the ticks closed since the last call."""
         taken, self.message_log = self.message_log, []
+        return taken
+
+    def take_air_log(self) -> list[Fate]:
+        """What has become of frames on media since the last call."""
+        taken, self.air_log = self.air_log, []
         return taken
 
     def shorten_windows(self) -> None:
@@ -98,6 +117,8 @@ class TimeMaster:
         yield from self._look(-1, self._graph.plants, self._lookers)
         while not self.is_halted() and (tick := self._earliest()) < end:
             self.tick = tick
+            if self._media:
+                self._land(tick)
             touched = yield from self._act(tick)
             if not self.is_halted():
                 used_up = {plant for plant in self._graph.plants if self._proposals[plant] == tick}
@@ -105,11 +126,32 @@ class TimeMaster:
                 yield from self._look(tick, renewed, touched & self._lookers)
         if not self.is_halted():
             self.tick = end
+        if self._media:
+            self._land(self.tick)
         yield from self._close(self.tick)
 
     def _earliest(self) -> int:
         earliest = min(self._proposals.values())
-        return min(earliest, min(self._calendar)) if self._calendar else earliest
+        if self._calendar:
+            earliest = min(earliest, min(self._calendar))
+        for medium in self._media.values():
+            event = medium.next_ns()
+            if event is not None:
+                earliest = min(earliest, landing_tick(event, self._graph.ticks_per_second))
+        return earliest
+
+    def _land(self, tick: int) -> None:
+        """Move what is on the air on to this tick. What lands goes through its channel: now, later or never."""
+        now = nanoseconds(tick, self._graph.ticks_per_second)
+        for medium in self._media.values():
+            for fate in medium.advance(now):
+                landed = landing_tick(fate.landed_ns, self._graph.ticks_per_second)
+                message = MessageId(fate.link, fate.sequence)
+                for receiver, way in self._ways[fate.link]:
+                    for when in (landed,) if way is None else way.arrivals(fate.sequence, landed):
+                        if when < self._graph.end_tick:
+                            self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+            self.air_log += medium.take_log()
 
     def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], set[str]]:
         """Fire, then deliver step by step until nothing is in flight. Returns who acted or received."""
@@ -171,12 +213,16 @@ class TimeMaster:
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
             self.message_log.append(Transit(name, message.sequence, tick, step))
-            for receiver in link.receivers:
-                when = link.channel.arrival(receiver, message.sequence, tick)
-                if when == tick:
-                    arriving.setdefault(receiver, []).append(message)
-                elif when is not None and when < self._graph.end_tick:
-                    self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+            if link.medium:
+                now = nanoseconds(tick, self._graph.ticks_per_second)
+                self._media[link.medium].offer(name, message.sequence, now)
+                continue
+            for receiver, way in self._ways[name]:
+                for when in (tick,) if way is None else way.arrivals(message.sequence, tick):
+                    if when == tick:
+                        arriving.setdefault(receiver, []).append(message)
+                    elif when < self._graph.end_tick:
+                        self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
 
     def _halt(self, module: str, report: Report) -> None:
         if report.halt and not self.halted:

@@ -108,6 +108,7 @@ class ModuleWorker:
         self._knows_ticks = knows_ticks(self._driver.module)
         self._numbers = Places(graph.links)
         self._inbox: dict[MessageId, FloatArray] = {}
+        self._copies: dict[MessageId, int] = {}
         self._orders: deque[Order] = deque()
         self._arrived: deque[tuple[MessageId, int | None]] = deque()
         self._windows: deque[tuple[Window, int]] = deque()
@@ -120,6 +121,9 @@ class ModuleWorker:
             return
         identity = MessageId(link.name, sequence)
         self._inbox[identity] = value
+        copies = link.channel.copies(self.name, sequence)
+        if copies > 1:
+            self._copies[identity] = copies
         if self._acts_on_arrival:
             self._arrived.append((identity, tick))
         self._work()
@@ -255,9 +259,18 @@ class ModuleWorker:
 
     def _arrivals(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
         return tuple(
-            Arrival(self._links[message.link].receivers[self.name], message.link, self._inbox.pop(message))
+            Arrival(self._links[message.link].receivers[self.name], message.link, self._taken(message))
             for message in messages
         )
+
+    def _taken(self, message: MessageId) -> FloatArray:
+        """A message out of the inbox, where one that is duplicated stays until its last copy."""
+        if self._copies:
+            left = self._copies.pop(message, 1) - 1
+            if left:
+                self._copies[message] = left
+                return self._inbox[message]
+        return self._inbox.pop(message)
 
     def _send(self, sent: Sent, tick: int) -> tuple[str, ...]:
         for link, value in sent:

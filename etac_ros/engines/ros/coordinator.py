@@ -168,7 +168,7 @@ class CoordinatorNode(RunNode):
         self.loop_s = time.perf_counter() - self.began if self.began else 0.0
         orders = {name: publisher.count.messages for name, publisher in self._go.items()}
         content = {
-            "tick": self.master.tick, "fault": fault, "sent": self.master.sent, "orders": orders,
+            "tick": self.master.tick, "fault": fault, "sent": self.master.sent, "orders": orders, "logs": self._logs,
         }  # fmt: skip
         self._stop.publish(self.note(content))
 
@@ -297,7 +297,11 @@ class CoordinatorNode(RunNode):
         self._told = time.perf_counter()
         # Also where nothing was sent: committed samples go to the recorder, too, and must not run away from it.
         self._logs += 1
-        self._message_log.publish(self.note({"log": self._logs, "transits": self.master.take_message_log()}))
+        content: dict[str, Any] = {"log": self._logs, "transits": self.master.take_message_log()}
+        air = self.master.take_air_log()
+        if air:
+            content["air"] = {"tick": self.master.tick, "fates": air}
+        self._message_log.publish(self.note(content))
         if self._logs - self._recorded >= _LOGS_AHEAD:
             self._dispatcher.pause()
         now = nanoseconds(self.master.tick, self.plan.graph.ticks_per_second)

@@ -6,17 +6,20 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, message_type
+from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.graph.air import to_rows
 from etac_ros.graph.graph import Link
-from etac_ros.graph.topics import LEAVE, MESSAGE_LOG, RECORDED, truth_topic, window_topic
+from etac_ros.graph.topics import AIR, LEAVE, MESSAGE_LOG, RECORDED, truth_topic, window_topic
+from etac_ros.graph.truth import MOST_SAMPLES
 from etac_ros.maths.ticks import nanoseconds
+from etac_ros.media.frame import Fate, Outcome
 
 
 class Sink(Protocol):
@@ -63,7 +66,7 @@ class RecorderNode(RunNode):
             self._record_truth(truth_topic(plant))
             if plan.record_windows:
                 self._record_windows(window_topic(plant))
-        self._log = self._acknowledged = 0
+        self._log = self._acknowledged = self._air_tables = 0
         self._recorded = self.publisher(String, RECORDED, (COORDINATOR,))
         self.note_subscription(MESSAGE_LOG, self._on_message_log)
         self.note_subscription(LEAVE, self._on_leave, shared=True)
@@ -78,7 +81,7 @@ class RecorderNode(RunNode):
         if self.stop["fault"]:
             return False  # the process's end closes the bag: who can tell what still comes?
         others = [name for name in self.plan.modules if name not in self._leave_notes]
-        if others:
+        if others or self._log < self.stop["logs"]:
             return False
         sent = {link.topic: self.stop["sent"][link.name] for link in self.plan.graph.links.values()}
         for leave_note in self._leave_notes.values():
@@ -157,6 +160,8 @@ class RecorderNode(RunNode):
 
     def _on_message_log(self, content: Any, sequence: int) -> None:
         self._log = content["log"]
+        if "air" in content:
+            self._record_air(content["air"])
         for name, number, tick, step in content["transits"]:
             self._places[name, number] = (tick, step)
             self._tick = max(self._tick, tick)
@@ -165,6 +170,15 @@ class RecorderNode(RunNode):
         self._acknowledge()
         self._let_truth_follow()
         self.settle()
+
+    def _record_air(self, told: Any) -> None:
+        """Write what became of frames on shared media: the coordinator tells it with the places of messages."""
+        fates = [Fate(link, sequence, Outcome(outcome), *times) for link, sequence, outcome, *times in told["fates"]]
+        rows = to_rows(fates, list(self.plan.graph.links))
+        for first in range(0, rows.shape[0], MOST_SAMPLES):
+            self._air_tables += 1
+            cdr = bytes(serialize_message(encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])))
+            self._write(AIR, cdr, told["tick"], AFTER_ALL_STEPS, self._air_tables)
 
     def _acknowledge(self) -> None:
         """Tell the coordinator up to which message log all is written, so that the run does not leave us behind."""
