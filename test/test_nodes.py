@@ -141,7 +141,7 @@ def test_the_recorder_waits_for_messages_without_a_place(monkeypatch: pytest.Mon
     recorder.on_start()
     recorder._leave_notes = {name: {"sent": {}} for name in world.plan.modules}
     sent = {name: int(name == link.name) for name in world.plan.graph.links}
-    recorder.stop = {"fault": "", "sent": sent}
+    recorder.stop = {"fault": "", "sent": sent, "logs": 0}
     assert not recorder.drained()  # it has not come
     end = recorder._received[link.topic]
     end.count.messages = 1
@@ -151,9 +151,12 @@ def test_the_recorder_waits_for_messages_without_a_place(monkeypatch: pytest.Mon
     recorder._places[link.name, 1] = (0, 0)
     recorder._sort_in(link.name, 1)
     assert recorder.drained()
-    recorder.stop = {"fault": "broken", "sent": sent}
+    recorder.stop = {"fault": "broken", "sent": sent, "logs": 0}
     assert not recorder.drained()
-    recorder.stop = {"fault": "", "sent": sent}
+    recorder.stop = {"fault": "", "sent": sent, "logs": 0}
+    recorder.stop = {"fault": "", "sent": sent, "logs": 1}
+    assert not recorder.drained()  # a message log is still under way
+    recorder.stop = {"fault": "", "sent": sent, "logs": 0}
     del recorder._leave_notes[world.plan.modules[0]]
     assert not recorder.drained()
     recorder._leave_notes = {name: {"sent": {truth_topic("/plant"): [1, 9]}} for name in world.plan.modules}
