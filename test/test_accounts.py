@@ -12,7 +12,7 @@ from toy import toy
 
 from etac_ros.cli.show import show_summary
 from etac_ros.engines.inprocess import InProcess
-from etac_ros.errors import ProtocolError
+from etac_ros.errors import ProtocolError, RunHalted
 from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
@@ -145,3 +145,13 @@ def test_an_ideal_link_has_no_account_and_its_run_no_medium() -> None:
     summary = run_in_process(load("wu2018", overrides=["duration_s=20"])).summary
     assert summary.links == {}
     assert summary.media == {}
+
+
+def test_the_pair_does_not_survive_a_fade_and_the_others_do() -> None:
+    """What the comments of the scenarios say of their bad radio."""
+    with pytest.raises(RunHalted, match=r"halted at simulated time 2\.6 s: .*angle between the modules"):
+        run_in_process(load("qi2022", "bad-radio"))
+    for name in ("wu2018", "shi2022"):
+        summary = run_in_process(load(name, "bad-radio")).summary
+        assert sum(account.lost for account in summary.links.values()) > 0
+        assert all(plant.max_attitude_error_deg < 1.0 for plant in summary.performance.values())

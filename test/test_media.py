@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from etac_ros.errors import ProtocolError
+from etac_ros.maths.noise import uniform, uniforms
 from etac_ros.media.access import Air, Turn, Waiting, WithoutCollisions
 from etac_ros.media.csma import Csma, CsmaParameters
 from etac_ros.media.fifo import Fifo, FifoParameters
@@ -228,6 +229,8 @@ def test_a_rule_that_does_not_keep_its_promise_is_named(answer: Turn, found: str
 
 
 def test_draws_are_uniform_and_belong_to_frame_and_turn() -> None:
+    assert uniform(17, 77) == uniforms(17, 77, 1, 1)[0, 0]
+
     def drawn(link: str, sequence: int, turns: int) -> float:
         return Waiting(link, "/a", 0, 1, 0, turns, 0, 17, sequence).drawn()
 

@@ -57,7 +57,9 @@ CASES: list[tuple[str, str, list[str]]] = [
             "links.state={medium: air, loss: 0.1, jitter: {exponential_s: 0.01}}",
         ],
     ),
-    ("qi2022", "case1", ["duration_s=2", "media={air: {rate_bit_s: 9600.0}}", "links.relative.medium=air"]),
+    ("qi2022", "radio", ["duration_s=2"]),
+    ("xie2021", "bad-radio", ["duration_s=3"]),
+    ("flexible", "bad-radio", ["duration_s=60"]),
     # Overtaken, twice, and in bursts.
     (
         "flexible",

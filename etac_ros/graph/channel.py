@@ -16,7 +16,7 @@ from functools import lru_cache
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from etac_ros.maths.noise import stream_key, uniforms
+from etac_ros.maths.noise import stream_key, uniform, uniforms
 from etac_ros.parameters import Parameters, exactly_one
 
 _COPIES = 2
@@ -157,8 +157,7 @@ class Channel:
         """How often a message arrives that is not lost; the receiver can tell that by itself, too."""
         if self.duplication == 0.0:
             return 1
-        drawn = uniforms(self._key(f"duplication/{receiver}"), sequence, 1, 1)[0, 0]
-        return _COPIES if drawn < self.duplication else 1
+        return _COPIES if uniform(self._key(f"duplication/{receiver}"), sequence) < self.duplication else 1
 
     def is_bad(self, receiver: str, tick: int) -> bool:
         """Whether a burst lasts at a tick."""
@@ -172,7 +171,7 @@ class Channel:
         return self._draw(receiver, sequence) < loss
 
     def _draw(self, receiver: str, sequence: int) -> float:
-        return float(uniforms(stream_key(self.seed, f"channel/{self.link}/{receiver}"), sequence, 1, 1)[0, 0])
+        return uniform(stream_key(self.seed, f"channel/{self.link}/{receiver}"), sequence)
 
     def _key(self, stream: str) -> int:
         return stream_key(self.seed, f"channel/{self.link}/{stream}")
@@ -211,7 +210,7 @@ class _Stays:
         self._key = key
         self._means = (good_s, bad_s)
         # The process has been going on for ever: it is bad at time 0 as often as at any other.
-        self._first_bad = float(uniforms(key, 0, 1, 1)[0, 0]) < bad_s / (good_s + bad_s)
+        self._first_bad = uniform(key, 0) < bad_s / (good_s + bad_s)
         self._ends: list[float] = []
 
     def is_bad(self, time_s: float) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from etac_ros.parameters import FloatArray
 
 _WORDS_A_BLOCK = 4
+_INDICES_A_BLOCK = 32
 
 
 @lru_cache(maxsize=4096)
@@ -47,6 +48,20 @@ def uniforms(key: int, index: int, count: int, width: int) -> FloatArray:
     # 52 bits and a half are exact; one bit more would round the largest up to 1, whose deviate is infinite.
     result: FloatArray = ((words[:, :width] >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
     return result
+
+
+def uniform(key: int, index: int) -> float:
+    """The first deviate of one index, the same bits as ``uniforms(key, index, 1, 1)[0, 0]``.
+
+    Cheap where neighbouring indices are asked for one by one: a generator is made once for a block of them.
+    """
+    return _block(key, index // _INDICES_A_BLOCK)[index % _INDICES_A_BLOCK]
+
+
+@lru_cache(maxsize=4096)
+def _block(key: int, number: int) -> list[float]:
+    found: list[float] = uniforms(key, number * _INDICES_A_BLOCK, _INDICES_A_BLOCK, 1)[:, 0].tolist()
+    return found
 
 
 def normals(key: int, tick: int, count: int, width: int) -> FloatArray:

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from etac_ros.maths.noise import uniforms
+from etac_ros.maths.noise import uniform
 from etac_ros.media.frame import Line
 
-_MOST_DRAWS = 4096
-"""Of one frame; the next begin anew."""
+_MOST_FRAMES = 2**40
+"""Of a link: draws of a turn stand side by side, where those of neighbours come cheap."""
 
 
 class Waiting(NamedTuple):
@@ -35,7 +35,7 @@ class Waiting(NamedTuple):
 
     def drawn(self) -> float:
         """A uniform deviate in (0, 1) of this frame in this turn: the same whenever it is asked for."""
-        return float(uniforms(self.key, self.sequence * _MOST_DRAWS + self.turns % _MOST_DRAWS, 1, 1)[0, 0])
+        return uniform(self.key, self.turns * _MOST_FRAMES + self.sequence)
 
 
 class Air(NamedTuple):

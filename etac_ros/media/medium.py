@@ -87,6 +87,8 @@ class Medium:
     _now: int = 0
     _air: Air = field(default_factory=lambda: Air(0, ""))
     _turn: Turn | None = None
+    _is_planned: bool = False
+    _event_ns: int | None = None
     _heads: list[_Queued] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -100,7 +102,7 @@ class Medium:
         sender = self.plan.lines[link].sender
         frame = _Queued(link, sequence, now_ns, self._offered)
         self._offered += 1
-        self._turn = None
+        self._is_planned = False
         full = self.plan.queue_full
         if full is Full.REPLACE and self._queues[link]:
             self._drop(self._queues[link].pop(), now_ns)
@@ -117,11 +119,9 @@ class Medium:
 
     def next_ns(self) -> int | None:
         """When something happens next that others have to know, unless something is offered before; None for never."""
-        flying = [fate.landed_ns for fate in self._flying]
-        turn = self._next_turn()
-        if turn is not None:
-            flying.append(self._end(turn) + self.plan.propagation_ns)
-        return min(flying, default=None)
+        if not self._is_planned:
+            self._plan()
+        return self._event_ns
 
     def advance(self, until_ns: int) -> list[Fate]:
         """Begin all that begins before a time, and hand out what has landed up to it."""
@@ -131,6 +131,7 @@ class Medium:
         landed = [fate for fate in self._flying if fate.landed_ns <= until_ns]
         if landed:
             self._flying = [fate for fate in self._flying if fate.landed_ns > until_ns]
+            self._is_planned = False
         return landed
 
     def take_log(self) -> list[Fate]:
@@ -146,11 +147,21 @@ class Medium:
         self._log.append(_never_sent(frame, now_ns))
 
     def _next_turn(self) -> Turn | None:
-        if self._turn is not None:
-            return self._turn
+        if not self._is_planned:
+            self._plan()
+        return self._turn
+
+    def _plan(self) -> None:
+        """Ask the access rule who is next: once for every change, however often others want to know."""
+        self._is_planned = True
         self._heads = [queue[0] for queue in self._queues.values() if queue]
-        if not self._heads:
-            return None
+        self._turn = self._asked() if self._heads else None
+        events = [fate.landed_ns for fate in self._flying]
+        if self._turn is not None:
+            events.append(self._end(self._turn) + self.plan.propagation_ns)
+        self._event_ns = min(events, default=None)
+
+    def _asked(self) -> Turn:
         assert self.plan.access is not None
         waiting = [
             Waiting(
@@ -159,8 +170,7 @@ class Medium:
             )
             for head in self._heads
         ]  # fmt: skip
-        self._turn = self._checked(self.plan.access.turn(self._air, waiting))
-        return self._turn
+        return self._checked(self.plan.access.turn(self._air, waiting))
 
     def _checked(self, turn: Turn) -> Turn:
         """Hold the rule to its promise: anybody's class may be one."""
@@ -205,7 +215,7 @@ class Medium:
             if alone:
                 self._flying.append(fate)
         self._air = Air(self._end(turn), self._sender(chosen[-1].link))
-        self._turn = None
+        self._is_planned = False
 
 
 def _never_sent(frame: _Queued, now_ns: int) -> Fate:
