@@ -84,7 +84,7 @@ def test_a_queue_that_overflows(tmp_path: Path) -> None:
     assert (account.least_delay_s, account.median_delay_s, account.most_delay_s) == (0.2, 0.3, 0.3)
     assert on_air["air"].model_dump() == {
         "frames": 4, "collided": 0, "given_up": 0, "dropped": 1, "payload_bytes": 16, "overhead_bytes": 0,
-        "collided_bytes": 0, "air_time_s": 0.64, "utilisation": 0.32, "overflow_s": 0.3,
+        "collided_bytes": 0, "air_time_s": 0.64, "utilisation": 0.32, "energy_j": None, "overflow_s": 0.3,
     }  # fmt: skip
 
 
@@ -103,7 +103,8 @@ def test_collisions_are_bytes_on_the_air_for_nothing(tmp_path: Path) -> None:
     # One slot to draw from: whoever waits begins at once, so /a and /b collide whenever both have something to say.
     access = {"class": "etac_ros.media.csma:Csma", "slot_s": 0.01, "window": 1, "window_most": 1, "tries": 2}
     says = {"medium": "air"}
-    sensors, media = {"a": {"at": [0]}, "b": {"at": [0, 10]}}, {"air": {**RADIO, "access": access}}
+    sensors = {"a": {"at": [0]}, "b": {"at": [0, 10]}}
+    media = {"air": {**RADIO, "transmit_w": 2.0, "receive_w": 0.5, "access": access}}
     scenario = toy(tmp_path, sensors, media=media, a_says=says, b_says=says)
     graph = scenario.build()
     recording = InProcess(graph).run()
@@ -112,6 +113,8 @@ def test_collisions_are_bytes_on_the_air_for_nothing(tmp_path: Path) -> None:
     medium = medium_accounts(graph, recording)["air"]
     assert (medium.frames, medium.collided, medium.given_up, medium.payload_bytes) == (5, 4, 2, 4)
     assert medium.collided_bytes == 16
+    # Each of five tries: 0.16 s of a sender with 2 W and of two receivers with 0.5 W.
+    assert medium.energy_j == pytest.approx(5 * 0.16 * (2.0 + 2 * 0.5))
     assert medium.air_time_s == pytest.approx(3 * 0.16)  # what collides is on the air at the same time
 
 

@@ -11,6 +11,7 @@ from toy import Ramp, RampParameters
 
 from etac_ros.bag.clock import tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
+from etac_ros.bag.description import DESCRIPTION_ATTACHMENT
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.topics import link_topic, recorded_topics, truth_topic
@@ -110,7 +111,8 @@ def test_any_recording_comes_back_bit_for_bit(recording, rate):
         bag = read_bag(directory)
         assert bag.ticks_per_second == rate
         assert bag.metadata == {"scenario": "toy", "ticks_per_second": str(rate)}
-        assert bag.attachments == {"s.yaml": b"a: 1"}
+        assert bag.attachments.keys() == {"s.yaml", DESCRIPTION_ATTACHMENT}
+        assert bag.attachments["s.yaml"] == b"a: 1"
         assert tuple(bag.topics) == recorded_topics(toy_graph(rate))
         assert_same(bag.recording(), recording)
 

@@ -76,6 +76,11 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
         TORQUE.replace("kind", "medium: air, kind"),
         ["/**.links.torque.medium: a physical link carries light or torque"],
     ),
+    "one power of two": (
+        WITH_SIGNAL,
+        on_air("{rate_bit_s: 1000.0, transmit_w: 0.05}"),
+        ["/**.media.air", "transmit_w and receive_w belong together"],
+    ),
     "a rate too low": (
         WITH_SIGNAL,
         on_air("{rate_bit_s: 80.0, overhead: ieee-802.15.4}"),

@@ -108,6 +108,7 @@ class MediumDescription(_Model):
     propagation_ns: Annotated[int, Field(ge=0)]
     queue_length: Annotated[int, Field(ge=1)]
     queue_full: Full
+    powers_w: tuple[Annotated[float, Field(gt=0.0)], Annotated[float, Field(gt=0.0)]] | None = None
     lines: dict[str, LineDescription]
 
 
@@ -228,6 +229,7 @@ def _medium(plan: MediumPlan) -> MediumDescription:
         propagation_ns=plan.propagation_ns,
         queue_length=plan.queue_length,
         queue_full=plan.queue_full,
+        powers_w=plan.powers_w,
         lines={name: LineDescription(**line._asdict()) for name, line in plan.lines.items()},
     )
 

@@ -100,7 +100,15 @@ def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel
 def _medium(name: str, medium: MediumDescription) -> MediumPlan:
     lines = {link: Line(**line.model_dump()) for link, line in medium.lines.items()}
     return MediumPlan(
-        name, 0, medium.rate_bit_s, medium.propagation_ns, medium.queue_length, medium.queue_full, lines, None
+        name,
+        0,
+        medium.rate_bit_s,
+        medium.propagation_ns,
+        medium.queue_length,
+        medium.queue_full,
+        lines,
+        None,
+        medium.powers_w,
     )
 
 

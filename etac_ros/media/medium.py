@@ -45,6 +45,8 @@ class MediumPlan:
         What it carries, by link.
     access
         The access rule; None of a medium in a bag, which has been run.
+    powers_w
+        Of a radio that sends, and of one that receives [W]; None where nobody said.
     """
 
     name: str
@@ -55,6 +57,7 @@ class MediumPlan:
     queue_full: Full
     lines: Mapping[str, Line]
     access: Access | Any | None
+    powers_w: tuple[float, float] | None = None
 
 
 @dataclass(slots=True)

@@ -59,6 +59,9 @@ class MediumAccount(_Model):
     collided_bytes: int = Field(description="of all others, payload and overhead")
     air_time_s: float = Field(description="during which somebody sent")
     utilisation: float = Field(description="the same as a part of the run")
+    energy_j: float | None = Field(
+        description="of senders and receivers while frames last, collided ones included; null without powers"
+    )
     overflow_s: float | None = Field(description="when a frame was dropped first; null for never")
 
 
@@ -192,10 +195,11 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
     alone = [lines[fate.link] for fate in fates if fate.outcome is Outcome.SENT]
     collided = [fate for fate in fates if fate.outcome in (Outcome.COLLIDED, Outcome.GIVEN_UP)]
     end = nanoseconds(graph.end_tick, graph.ticks_per_second)
+    on_air = [fate for fate in fates if fate.outcome is not Outcome.DROPPED and fate.start_ns < end]
+    powers = graph.media[name].powers_w
     busy: dict[int, int] = {}  # only frames that collide overlap, and they begin together
-    for fate in fates:
-        if fate.outcome is not Outcome.DROPPED and fate.start_ns < end:
-            busy[fate.start_ns] = max(busy.get(fate.start_ns, 0), min(fate.end_ns, end) - fate.start_ns)
+    for fate in on_air:
+        busy[fate.start_ns] = max(busy.get(fate.start_ns, 0), min(fate.end_ns, end) - fate.start_ns)
     air_time = sum(busy.values())
     drops = [fate.end_ns for fate in fates if fate.outcome is Outcome.DROPPED]
     return MediumAccount(
@@ -208,5 +212,16 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
         collided_bytes=sum(lines[fate.link].frame_bytes for fate in collided),
         air_time_s=air_time / NANOSECONDS,
         utilisation=air_time / end,
+        energy_j=None if powers is None else _energy(graph, on_air, powers, end),
         overflow_s=min(drops) / NANOSECONDS if drops else None,
     )
+
+
+def _energy(graph: Graph, on_air: Sequence[Fate], powers_w: tuple[float, float], end_ns: int) -> float:
+    """Energy of sender and receivers over the time of each frame, up to the end of the run [J]; idling is free."""
+    send, receive = powers_w
+    total = 0.0
+    for fate in on_air:
+        lasts = (min(fate.end_ns, end_ns) - fate.start_ns) / NANOSECONDS
+        total += lasts * (send + receive * len(graph.links[fate.link].receivers))
+    return total

@@ -46,7 +46,7 @@ LINK_ACCOUNT = (
 """Of a link that is not ideal, each message counted for each receiver; the first delay is the median."""
 MEDIUM_ACCOUNT = (
     "frames", "collided", "given up", "dropped", "payload", "overhead", "collided bytes", "air time [s]", "used",
-    "first drop [s]",
+    "energy [J]", "first drop [s]",
 )  # fmt: skip
 """Of a shared medium."""
 
@@ -70,7 +70,8 @@ def medium_account_cells(account: MediumAccount) -> tuple[str, ...]:
         account.overhead_bytes, account.collided_bytes,
     )  # fmt: skip
     used = f"{100.0 * account.utilisation:.3g} %"
-    return (*(f"{count:,}" for count in counts), f"{account.air_time_s:.4g}", used, optional(account.overflow_s, ".6g"))
+    last = (optional(account.energy_j, ".4g"), optional(account.overflow_s, ".6g"))
+    return (*(f"{count:,}" for count in counts), f"{account.air_time_s:.4g}", used, *last)
 
 
 def topic_cells(counted: Totals) -> tuple[str, str, str]:

@@ -59,6 +59,7 @@ def _medium(name: str, section: MediumSection, links: Mapping[str, Link], seed: 
         section.queue.full,
         lines,
         _access(section.access, lines, f"{where}.access"),
+        None if section.transmit_w is None or section.receive_w is None else (section.transmit_w, section.receive_w),
     )
 
 

@@ -75,10 +75,18 @@ class MediumSection(Parameters):
     overhead: Profile = Field(default=Profile.NONE, description="bytes of a frame beside its payload, by protocol")
     smallest_bytes: NonNegativeInt = Field(default=0, description="what a shorter frame is filled up to")
     propagation_s: NonNegativeFloat = 0.0
+    transmit_w: PositiveFloat | None = Field(default=None, description="power of a radio that sends [W]")
+    receive_w: PositiveFloat | None = Field(default=None, description="power of a radio while a frame for it lasts [W]")
     access: dict[str, Any] = Field(
         default={"class": "etac_ros.media.fifo:Fifo"}, description="class of the access rule, and its parameters"
     )
     queue: QueueSection = QueueSection()
+
+    @model_validator(mode="after")
+    def _both_powers(self) -> MediumSection:
+        if (self.transmit_w is None) != (self.receive_w is None):
+            raise ValueError("transmit_w and receive_w belong together: give both, or neither")
+        return self
 
 
 class WindowSection(Parameters):
