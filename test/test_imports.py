@@ -38,6 +38,7 @@ FLOORS = [
     "sweep",
     "reproduce",
     "tradeoff",
+    "robustness",
     "cli",
     "__main__",
 ]

@@ -206,6 +206,24 @@ def tradeoff(
 
 
 @app.command()
+def robustness(
+    scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
+    losses: Annotated[str, typer.Option(help="Probabilities of loss, with commas.")] = "0,0.05,0.2,0.4",
+    delays: Annotated[str, typer.Option(help="Delays [s], with commas.")] = "0,0.05,0.2,1",
+    factor: Annotated[
+        float, typer.Option(min=1.0, help="A run holds up to so many times the steady error of ideal links.")
+    ] = 3.0,
+    set_: Set = None,
+    write: Annotated[Path | None, typer.Option(help="Write the maps as Markdown.")] = None,
+) -> None:
+    """Map loss and delay on the network to messages and steady error: which loops hold, and how far."""
+    from etac_ros.cli.robustness import robustness_and_show
+    from etac_ros.cli.show import make_console
+
+    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), make_console(), write)
+
+
+@app.command()
 def check(
     scenario: ScenarioName,
     variant: Variant = None,
