@@ -59,7 +59,7 @@ def test_what_a_scenario_says_of_dispersion_has_no_part() -> None:
 
 def test_only_what_is_stale_is_made_anew() -> None:
     known = all_stored()
-    untouched = make(["wu2018"], known, 1, lambda text: pytest.fail(text), lambda made: None)
+    untouched = make(["wu2018"], known, 2, 1, lambda text: pytest.fail(text), lambda made: None)
     assert untouched.sweeps == known.sweeps
     # Figures that are declared otherwise need no runs.
     found = of(load("wu2018"))
@@ -67,6 +67,6 @@ def test_only_what_is_stale_is_made_anew() -> None:
     changed = found.model_copy(update={"figures": {**found.figures, "triggers": other}})
     sweeps = [changed if one is found else one for one in known.sweeps]
     again = make(
-        ["wu2018"], known.model_copy(update={"sweeps": sweeps}), 1, lambda text: pytest.fail(text), lambda _: None
+        ["wu2018"], known.model_copy(update={"sweeps": sweeps}), 2, 1, lambda text: pytest.fail(text), lambda _: None
     )
     assert again.sweeps == known.sweeps

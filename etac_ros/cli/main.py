@@ -166,7 +166,8 @@ def reproduce(
     bands: Annotated[
         bool, typer.Option("--bands", help="Make the stored sweeps that are stale anew, and nothing else.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes for --bands; default: one a core.")] = None,
+    runs: Annotated[int, typer.Option(min=2, help="For --bands: dispersed runs of each variant, at least.")] = 12,
+    workers: Annotated[int | None, typer.Option(min=1, help="For --bands: processes; default: one a core.")] = None,
 ) -> None:
     """Put every figure that the papers publish beside a measured one, its spread, and a verdict."""
     from etac_ros.cli.reproduce import make_bands
@@ -174,9 +175,18 @@ def reproduce(
     from etac_ros.cli.show import make_console
 
     if bands:
-        make_bands(scenarios or (), workers, make_console())
+        make_bands(scenarios or (), runs, workers, make_console())
     else:
         reproduce_(scenarios or (), engine.value, make_console(), write, json)
+
+
+@app.command()
+def papers(write: Annotated[Path | None, typer.Option(help="Write the lists as Markdown.")] = None) -> None:
+    """List every equation, table, figure, remark and theorem of the papers with its command, or why it has none."""
+    from etac_ros.cli.papers import papers as papers_
+    from etac_ros.cli.show import make_console
+
+    papers_(make_console(), write)
 
 
 @app.command()

@@ -82,13 +82,15 @@ def reproduce(
     return rows
 
 
-def make_bands(names: Sequence[str], workers: int | None, console: Console) -> None:
+def make_bands(names: Sequence[str], runs: int, workers: int | None, console: Console) -> None:
     """Make the stored sweeps that are stale or missing anew.
 
     Parameters
     ----------
     names
         Scenarios; none takes all.
+    runs
+        Dispersed runs of each variant.
     workers
         Processes; None takes every core.
     console
@@ -107,6 +109,8 @@ def make_bands(names: Sequence[str], workers: int | None, console: Console) -> N
         for scenario in published_variants(name):
             found = sweeps.get((scenario.name, scenario.variant))
             why = "none is stored" if found is None else why_stale(scenario, found)
+            if found is not None and not why and found.runs < runs:
+                why = f"{found.runs} runs are stored"
             if why:
                 stale.append(title_of(scenario))
                 console.print(f"{title_of(scenario)}: {why}", soft_wrap=True)
@@ -116,7 +120,7 @@ def make_bands(names: Sequence[str], workers: int | None, console: Console) -> N
         write(made, path)
 
     with console.status("...") as status:
-        made = make(list(names) or available(), known, workers, lambda text: status.update(f"{text} ..."), keep)
+        made = make(list(names) or available(), known, runs, workers, lambda text: status.update(f"{text} ..."), keep)
     console.print(f"{len(stale)} of {len(made.sweeps)} sweeps made anew: {path}", soft_wrap=True)
 
 
