@@ -15,7 +15,7 @@ from etac_ros.errors import EtacError, ScenarioError
 from etac_ros.metrics.stored import Stored, stored
 from etac_ros.metrics.verdict import Verdict
 from etac_ros.reproduce.bands import make, place, why_stale, write
-from etac_ros.reproduce.rows import Row, rows_of
+from etac_ros.reproduce.rows import Baselines, Row, rows_of
 from etac_ros.reproduce.variants import published_variants, title_of
 from etac_ros.reproduce.write import as_json, markdown, rows_table, tally
 from etac_ros.scenario.load import available
@@ -126,9 +126,10 @@ def make_bands(names: Sequence[str], runs: int, workers: int | None, console: Co
 
 def _rows(name: str, engine: str, folder: Path, status: Status) -> list[Row]:
     rows: list[Row] = []
+    baselines: Baselines = {}
     for scenario in published_variants(name):
         try:
-            rows += rows_of(scenario, engine, folder, lambda text: status.update(f"{text} ..."))
+            rows += rows_of(scenario, engine, folder, lambda text: status.update(f"{text} ..."), baselines)
         except EtacError as error:
             raise type(error)(f"{name}, variant {scenario.variant}", str(error)) from error
     return rows

@@ -39,7 +39,7 @@ class StoredSweep(_Model):
     Attributes
     ----------
     digest
-        Of everything that bears on the undispersed run.
+        Of everything that bears on the undispersed run: :attr:`Scenario.content_digest`.
     baseline
         The same of its baseline; None where it has none.
     dispersions
@@ -94,7 +94,7 @@ def stored_sweep(scenario: Scenario) -> StoredSweep | None:
     Whoever takes a spread from it compares the digest first; how figures are declared is compared with either, so that
     no small change of a scenario frees it from what its figures were declared to be.
     """
-    return _by_digest().get(scenario.digest) or _by_name().get((scenario.name, scenario.variant))
+    return _by_digest().get(scenario.content_digest) or _by_name().get((scenario.name, scenario.variant))
 
 
 def declared(figure: PublishedFigure, name: str, spread: Spread | None = None) -> StoredFigure:

@@ -275,7 +275,7 @@ def summarise(
 def published_values(scenario: Scenario, graph: Graph) -> dict[FigureKey, PublishedValue]:
     """The figures of the paper as the summary holds them, each with its stored spread."""
     sweep = stored_sweep(scenario)
-    same = sweep is not None and sweep.digest == scenario.digest
+    same = sweep is not None and sweep.digest == scenario.content_digest
     return {
         key: _published_value(key, figure, sweep, same) for key, figure in published_figures(scenario, graph).items()
     }

@@ -126,10 +126,10 @@ def why_stale(scenario: Scenario, found: StoredSweep) -> str:
 
 def why_other_runs(scenario: Scenario, found: StoredSweep) -> str:
     """Why its runs would be others; empty if they would not."""
-    if found.digest != scenario.digest or found.seed != scenario.run.seed:
+    if found.digest != scenario.content_digest or found.seed != scenario.run.seed:
         return "the scenario has changed"
     baseline = baseline_of(scenario)
-    if found.baseline != (None if baseline is None else baseline.digest):
+    if found.baseline != (None if baseline is None else baseline.content_digest):
         return "its baseline has changed"
     if found.dispersions != _dumped(scenario):
         return "the dispersions have changed"
@@ -193,8 +193,8 @@ def _sweep(scenario: Scenario, runs: int, workers: int | None, say: Say) -> Stor
     return StoredSweep(
         scenario=scenario.name,
         variant=scenario.variant,
-        digest=scenario.digest,
-        baseline=None if baseline is None else baseline.digest,
+        digest=scenario.content_digest,
+        baseline=None if baseline is None else baseline.content_digest,
         seed=scenario.run.seed,
         runs=runs,
         dispersions=_dumped(scenario),

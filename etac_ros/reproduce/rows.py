@@ -15,6 +15,8 @@ from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, baseline_of
 
 Say = Callable[[str], None]
+Baselines = dict[str, Summary | None]
+"""What baselines did, by digest; None where a watch ended one."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Row:
         return self.judgement.verdict
 
 
-def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say) -> list[Row]:
+def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say, baselines: Baselines | None = None) -> list[Row]:
     """Measure a variant and judge its published figures.
 
     Parameters
@@ -68,9 +70,11 @@ def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say) -> list[Row
         Where bags go.
     say
         Told what is being done.
+    baselines
+        Those that were run before, by digest: many variants share one. Added to.
     """
     say(f"{title_of(scenario)}: one run over {engine}")
-    measured = _measured(scenario, engine, folder).figures
+    measured = _measured(scenario, engine, folder, {} if baselines is None else baselines).figures
     graph = scenario.build()
     return [
         _row(scenario, figure, measured.get(key), len(graph.plants) > 1)
@@ -78,21 +82,25 @@ def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say) -> list[Row
     ]
 
 
-def _measured(scenario: Scenario, engine: str, folder: Path) -> Summary:
+def _measured(scenario: Scenario, engine: str, folder: Path, baselines: Baselines) -> Summary:
     if engine == "ros":
         summary = run_over_ros(scenario, folder / title_of(scenario).replace(" ", "_"), RosOptions()).summary
     else:
         summary = run_in_process(scenario).summary
-    return with_measured(summary, _baseline(scenario))
+    return with_measured(summary, _baseline(scenario, baselines))
 
 
-def _baseline(scenario: Scenario) -> Summary | None:
+def _baseline(scenario: Scenario, known: Baselines) -> Summary | None:
     """What the run's own baseline did; None where it has none, or a watch ended it."""
     baseline = baseline_of(scenario)
-    try:
-        return None if baseline is None else run_in_process(baseline).summary
-    except RunHalted:
+    if baseline is None:
         return None
+    if baseline.digest not in known:
+        try:
+            known[baseline.digest] = run_in_process(baseline).summary
+        except RunHalted:
+            known[baseline.digest] = None
+    return known[baseline.digest]
 
 
 def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, of_formation: bool) -> Row:
