@@ -13,7 +13,7 @@ import yaml
 from etac_ros.errors import ScenarioError
 from etac_ros.metrics.verdict import Verdict
 from etac_ros.reproduce.headline import headline
-from etac_ros.reproduce.rows import Row, rows_of
+from etac_ros.reproduce.rows import Baselines, Row, rows_of
 from etac_ros.scenario.load import find, load
 from etac_ros.scenario.schema import FigureKind
 
@@ -21,8 +21,11 @@ WORTH = {Verdict.REPRODUCED: 3, Verdict.KEPT: 3, Verdict.NEAR: 2}
 """All others say nothing for a reading."""
 
 
+BASELINES: Baselines = {}
+
+
 def rows(path: str) -> list[Row]:
-    return rows_of(load(path), "inprocess", Path(), lambda text: None)
+    return rows_of(load(path), "inprocess", Path(), lambda text: None, BASELINES)
 
 
 @cache
