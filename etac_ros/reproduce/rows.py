@@ -113,21 +113,25 @@ def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, of_
         paper=figure,
         measured=measured,
         judgement=judgement,
-        reason=_reason(figure, judgement.verdict),
+        reason=_reason(figure, judgement),
         of_formation=of_formation,
     )
 
 
-def _reason(figure: PublishedValue, verdict: Verdict) -> str:
+def _reason(figure: PublishedValue, judgement: Judgement) -> str:
+    verdict = judgement.verdict
     fitted = f"fitted: {figure.fitted_to}" if figure.fitted_to else ""
     if verdict in (Verdict.REPRODUCED, Verdict.KEPT, Verdict.FITTED, Verdict.CONSTRUCTED):
         return fitted
     if figure.changed:
         return f"declared otherwise than in the stored sweep: {figure.changed}"
-    why = figure.reason or _UNEXPLAINED[verdict]
+    alone = verdict is Verdict.NOT_REPRODUCED and judgement.percent is not None and abs(judgement.percent) <= _CLOSE
+    why = figure.reason or ("this run is close to it, the mean of the dispersed ones is not" if alone else _UNEXPLAINED[verdict])
     return "; ".join(part for part in (fitted, why) if part)
 
 
+_CLOSE = 10.0
+"""Per cent."""
 _UNEXPLAINED = {
     Verdict.NEAR: "",
     Verdict.NOT_REPRODUCED: "no reading of the paper that was tried gives it",

@@ -110,7 +110,7 @@ def _spread(stored: Stored | None) -> str:
     seeds = sorted({one.seed for one in stored.sweeps})
     versions = ", ".join(f"{name} {version}" for name, version in stored.versions.items())
     return (
-        f"{BAND}, and the standard deviation: {', '.join(map(str, runs))} dispersed runs each with seed "
+        f"{BAND}, and the standard deviation: {' or '.join(map(str, runs))} dispersed runs of each variant with seed "
         f"{', '.join(map(str, seeds))}, stored in etac_ros/metrics/stored.json by `{stored.made_by}` ({versions}); "
         f"{stored.dispersion}. `in sd`: how far the mean of these is from the paper, in standard deviations; `off`: "
         "how far the measured figure is, in per cent."
