@@ -126,7 +126,9 @@ def _reason(figure: PublishedValue, judgement: Judgement) -> str:
     if figure.changed:
         return f"declared otherwise than in the stored sweep: {figure.changed}"
     alone = verdict is Verdict.NOT_REPRODUCED and judgement.percent is not None and abs(judgement.percent) <= _CLOSE
-    why = figure.reason or ("this run is close to it, the mean of the dispersed ones is not" if alone else _UNEXPLAINED[verdict])
+    why = figure.reason or (
+        "this run is close to it, the mean of the dispersed ones is not" if alone else _UNEXPLAINED[verdict]
+    )
     return "; ".join(part for part in (fitted, why) if part)
 
 
