@@ -33,7 +33,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11,<3.13",
     packages=find_packages(include=["etac_ros", "etac_ros.*"]),
-    package_data={"etac_ros": ["**/*.json", "**/*.xml", "py.typed"]},
+    package_data={"etac_ros": ["**/*.json", "**/*.xml", "**/*.yaml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/etac_ros"]),
         ("share/etac_ros", ["package.xml"]),

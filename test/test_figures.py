@@ -84,7 +84,7 @@ def test_a_figure_that_no_run_could_give_is_refused() -> None:
 
 
 def test_it_is_refused_before_a_run_begins(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    figure = "published.mine={value: 1, low: 0, high: 2, measure: {statistic: final, quantity: mood}}"
+    figure = "published.mine={value: 1, measure: {statistic: final, quantity: mood}}"
     with pytest.raises(ScenarioError, match="mood"):
         run_in_process(load("wu2018", overrides=[figure]))
 
@@ -94,8 +94,18 @@ def test_a_measure_is_checked_by_itself() -> None:
         Measure(statistic=Statistic.SETTLING_TIME, quantity="rate")
     with pytest.raises(ValueError, match="until_s"):
         Measure(statistic=Statistic.COUNT, from_s=3.0, until_s=2.0)
-    with pytest.raises(ValueError, match="low"):
-        PublishedFigure(value=1.0, low=2.0, high=1.0)
+    with pytest.raises(ValueError, match="printed digits are '2'"):
+        PublishedFigure(value=1.0, printed="2")
+    for band in ({"low": 0.0}, {"high": 2.0}):  # typed by hand
+        with pytest.raises(ValueError, match="Extra inputs"):
+            PublishedFigure.model_validate({"value": 1.0, **band})
+
+
+def test_printed_digits_keep_their_zeros() -> None:
+    figure = PublishedFigure.model_validate({"value": "97.50"})
+    assert (figure.value, figure.printed) == (97.5, "97.50")
+    assert PublishedFigure.model_validate(figure.model_dump()).printed == "97.50"
+    assert [PublishedFigure(value=value).printed for value in (84.0, 97.5, 2.0e-5)] == ["84", "97.5", "2e-05"]
 
 
 def test_labels() -> None:

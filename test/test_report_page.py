@@ -167,10 +167,11 @@ def test_this_run_stands_beside_the_paper_and_the_baseline(whole: ReportedRun, p
         "": "triggering instants",
         "this run": str(whole.summary.triggers["/sensor"].count),
         "paper": "84",
-        "band": "72 to 96",
-        "in the band": "yes",
+        "5 to 95 %": cells(table, "triggering instants")["5 to 95 %"],
+        "verdict": "fitted",
         "baseline (periodic)": "1,000",
     }
+    assert " to " in triggers["5 to 95 %"]  # the stored spread
     assert cells(table, "baseline's payload [bytes]")["baseline (periodic)"] == "24,000"
     assert cells(table, "baseline's payload [bytes]")["this run"] == ""
     reduction = cells(table, "fewer bytes as sent [%]")
@@ -185,11 +186,11 @@ def test_what_is_measured_at_the_baseline_stands_in_its_column_alone(whole: Repo
     assert [row[label] for label in view.labels] == ["", "", "24,000"]
 
 
-def test_what_lies_outside_its_band_is_said_to(whole: ReportedRun, tmp_path: Path) -> None:
+def test_what_is_not_the_papers_is_said_not_to_be(whole: ReportedRun, tmp_path: Path) -> None:
     run = read_run(record(tmp_path / "bag", "sensor.trigger.alpha=0.05", "duration_s=200"))
     beside = run.summary.model_copy(update={"published": whole.summary.published, "published_not": ""})
     assert (
-        cells(tables.published_table(View(replace(run, summary=beside))), "triggering instants")["in the band"] == "no"
+        cells(tables.published_table(View(replace(run, summary=beside))), "triggering instants")["verdict"] == "missed"
     )
 
 
@@ -249,7 +250,7 @@ def test_a_variant_is_compared_with_what_the_paper_publishes_of_it(periodic: Rep
     }
     stands = summarise(replace(run.scenario, overrides={}), run.graph, run.recording, "inprocess", run.summary.timing)
     row = cells(tables.published_table(View(replace(run, summary=stands))), "triggering instants")
-    assert (row["this run"], row["paper"], row["in the band"]) == ("5", "500", "no")
+    assert (row["this run"], row["paper"], row["verdict"]) == ("5", "500", "missed")
 
 
 def test_captions_say_where_the_paper_shows_the_same(whole: ReportedRun, html: Path) -> None:

@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from etac_ros.laws.wu2018 import Proportional
+from etac_ros.metrics.stored import stored
+from etac_ros.metrics.verdict import RULE, Verdict
 from etac_ros.parameters import FloatArray
-from etac_ros.reproduce.rows import Effort, Row, published_variants, rows_of
-from etac_ros.reproduce.verdict import RULE, Verdict
+from etac_ros.reproduce.headline import HEADLINE, headline
+from etac_ros.reproduce.rows import Row, rows_of
+from etac_ros.reproduce.variants import published_variants
 from etac_ros.reproduce.write import as_json, markdown
+from etac_ros.scenario.load import load
 from etac_ros.triggers.relative import RelativeThreshold
 
-QUICK = Effort(runs=3, budget_s=30.0, engine="inprocess", workers=1)
 HERE = f"{Path(__file__).stem}"
 
 
@@ -46,19 +49,20 @@ class NoRoot(RelativeThreshold):
         return int(fires[0]) if fires.size else -1
 
 
-def rows(tmp_path: Path, *overrides: str) -> dict[str, Row]:
-    scenario, *_ = published_variants("wu2018", overrides)  # the others are other readings of the noise
-    return {row.figure: row for row in rows_of(scenario, QUICK, tmp_path, overrides, lambda text: None)}
+def rows(*overrides: str) -> dict[str, Row]:
+    found = rows_of(load("wu2018", None, overrides), "inprocess", Path(), lambda text: None)
+    return {str(row.key): row for row in found}
 
 
-def test_wu2018_is_reproduced(tmp_path: Path) -> None:
-    found = rows(tmp_path)
-    assert {row.verdict for row in found.values()} == {Verdict.REPRODUCED}
+def test_wu2018_comes_out_and_is_fitted() -> None:
+    found = rows()
+    assert {row.verdict for row in found.values()} == {Verdict.FITTED, Verdict.CONSTRUCTED}
     triggers = found["triggers"]
-    assert (triggers.published, triggers.measured) == (84.0, 84.0)
-    assert triggers.spread is not None
-    assert triggers.spread.low < 84.0 < triggers.spread.high
-    assert triggers.reason == ""
+    assert (triggers.paper.printed, triggers.measured) == ("84", 84.0)
+    assert triggers.paper.spread is not None
+    assert triggers.paper.spread.p5 < 84.0 < triggers.paper.spread.p95
+    assert triggers.reason == "fitted: the start, and noise left out"
+    assert headline(list(found.values())).figures == 0
 
 
 RULE_OF = "sensor.trigger={{class: {}, alpha: 0.5, gamma: 1.0e-6}}"
@@ -75,20 +79,17 @@ the present signal or to the held one, which gives 78 instead of 84."""
 
 
 @pytest.mark.parametrize("override", BROKEN.values(), ids=BROKEN)
-def test_a_broken_system_turns_a_verdict(override: str, tmp_path: Path) -> None:
-    found = rows(tmp_path, override)
-    assert found["triggers"].verdict is not Verdict.REPRODUCED
-    assert found["network_payload_bytes"].verdict is not Verdict.REPRODUCED
-    assert all(row.reason for row in found.values() if row.verdict is Verdict.NOT_REPRODUCED)
+def test_a_broken_system_turns_a_verdict(override: str) -> None:
+    found = rows(override)
+    assert found["triggers"].verdict is Verdict.MISSED
+    assert found["network_payload_bytes"].verdict is Verdict.MISSED
 
 
-def test_every_scenario_has_rows_with_their_places_and_reasons() -> None:
+def test_every_scenario_has_rows_with_their_places() -> None:
     for name in ("wu2018", "qi2022", "flexible", "shi2022", "xie2021"):
         variants = published_variants(name)
         assert variants, name
-        for scenario in variants:
-            for figure in scenario.published.values():
-                assert figure.low <= figure.high
+        assert all(figure.printed for scenario in variants for figure in scenario.published.values())
 
 
 def test_variants_that_change_nothing_are_not_run_twice() -> None:
@@ -99,40 +100,40 @@ def test_variants_that_change_nothing_are_not_run_twice() -> None:
     assert "printed" not in names  # refused
 
 
-def test_pages(tmp_path: Path) -> None:
-    found = list(rows(tmp_path, "duration_s=100").values())
-    page = markdown(found, QUICK, "etac reproduce wu2018")
+def test_pages() -> None:
+    found = list(rows("duration_s=100").values())
+    page = markdown(found, "inprocess", "etac reproduce wu2018", stored())
     assert "`etac reproduce wu2018`" in page
     assert RULE in page
+    assert HEADLINE in page
+    assert f"**{headline(found)}.**" in page
     assert "## wu2018" in page
     for row in found:
         assert f"| {row.label} |" in page
-    content = json.loads(as_json(found, QUICK))
-    assert [row["figure"] for row in content["rows"]] == [row.figure for row in found]
-    assert content["effort"]["runs"] == 3
+    content = json.loads(as_json(found, "inprocess"))
+    assert [row["label"] for row in content["rows"]] == [row.label for row in found]
+    assert content["headline"]["rows"] == len(found)
 
 
 def test_the_command(tmp_path: Path) -> None:
     page, data = tmp_path / "page.md", tmp_path / "rows.json"
-    command = [sys.executable, "-m", "etac_ros", "reproduce", "wu2018", "--runs", "4", "--engine", "inprocess"]
-    command += ["--workers", "1", "--write", str(page), "--json", str(data)]
+    command = [sys.executable, "-m", "etac_ros", "reproduce", "wu2018", "--engine", "inprocess"]
+    command += ["--write", str(page), "--json", str(data)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "triggering instants" in done.stdout
-    assert "10 published figures: " in done.stdout  # four of the file, one of each reading of the noise
-    assert "--runs 4 --engine inprocess" in page.read_text()
-    rows_written = json.loads(data.read_text())["rows"]
-    assert len(rows_written) == 10
-    assert {row["verdict"] for row in rows_written if not row["variant"]} == {"reproduced"}
+    assert "independent figures reproduced" in done.stdout
+    assert "--engine inprocess" in page.read_text()
+    kept = json.loads(data.read_text())["rows"]
+    assert len(kept) == sum(len(one.published) for one in published_variants("wu2018"))
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["nothing2020"], "nothing2020"),
-        (["wu2018", "--runs", "0"], "runs"),
+        (["wu2018", "--workers", "0"], "workers"),
         (["wu2018", "--write", "/no/such/folder/page.md"], "/no/such/folder"),
-        (["wu2018", "--set", "sensor.trigger.alfa=0.5"], "alfa"),
     ],
 )
 def test_mistakes_end_it_before_anything_runs(arguments: list[str], words: str) -> None:

@@ -31,7 +31,7 @@ SECTION = """\
 OWN = """\
     published:
       held_error:
-        {value: 1, low: 0, high: 2, label: "mean rate [rad/s]",
+        {value: 1, label: "mean rate [rad/s]",
          measure: {statistic: mean, quantity: rate in rad/s, from_s: 10.0}}
 """
 

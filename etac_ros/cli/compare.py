@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import track
 
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.metrics.cells import is_outside, paper_cells
+from etac_ros.metrics.cells import BAND, falls_short, paper_cells
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import Scenario, baseline_of, load
@@ -51,7 +51,9 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
     console.print(f"\n{scenario.run.title or scenario.name}: variants beside each other", style="bold")
     published = _figures(scenarios, summaries)
     if published.rows:
-        console.print("against the paper, where it publishes the figure (! outside the band)")
+        console.print(
+            "against the paper, where it publishes the figure (! not the paper's: etac reproduce says how far)"
+        )
         show(published, console)
         console.print()
     for reason in dict.fromkeys(summary.published_not for summary in summaries if summary.published_not):
@@ -84,10 +86,10 @@ def _figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Tab
         for place, (key, figure) in enumerate(shown):
             value = figures[key]
             published, band = paper_cells(figure)
-            cells = (number(value), published, band + ("!" if is_outside(value, figure) else " "))
+            cells = (number(value), published, band + ("!" if falls_short(value, figure) else " "))
             name = scenario.variant or "" if place == 0 else ""
             rows.append(Row((name, summary.label_of(key), *cells), ends=place == len(shown) - 1))
-    return Table("", ("variant", "figure", "this run", "paper", "band"), tuple(rows), texts=frozenset({"figure"}))
+    return Table("", ("variant", "figure", "this run", "paper", BAND), tuple(rows), texts=frozenset({"figure"}))
 
 
 def _own_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Table:

@@ -160,21 +160,33 @@ def sweep(
 @app.command()
 def reproduce(
     scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
-    runs: Annotated[int, typer.Option(min=1, help="Perturbed runs for each band, at most.")] = 200,
-    budget: Annotated[float, typer.Option(min=0.0, help="Wall time for the runs of one band [s].")] = 10.0,
     engine: Annotated[Engine, typer.Option(help="For the measured figures.")] = Engine.ros,
-    set_: Set = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes for the bands; default: one a core.")] = None,
     write: Annotated[Path | None, typer.Option(help="Write the table as Markdown.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the rows to a file.")] = None,
+    bands: Annotated[
+        bool, typer.Option("--bands", help="Make the stored sweeps that are stale anew, and nothing else.")
+    ] = False,
+    runs: Annotated[int, typer.Option(min=2, help="For --bands: dispersed runs of each variant, at least.")] = 12,
+    workers: Annotated[int | None, typer.Option(min=1, help="For --bands: processes; default: one a core.")] = None,
 ) -> None:
-    """Put every figure that the papers publish beside a measured one, its band, and a verdict."""
+    """Put every figure that the papers publish beside a measured one, its spread, and a verdict."""
+    from etac_ros.cli.reproduce import make_bands
     from etac_ros.cli.reproduce import reproduce as reproduce_
     from etac_ros.cli.show import make_console
-    from etac_ros.reproduce.rows import Effort
 
-    effort = Effort(runs, budget, engine.value, workers)
-    reproduce_(scenarios or (), effort, set_ or (), make_console(), write, json)
+    if bands:
+        make_bands(scenarios or (), runs, workers, make_console())
+    else:
+        reproduce_(scenarios or (), engine.value, make_console(), write, json)
+
+
+@app.command()
+def papers(write: Annotated[Path | None, typer.Option(help="Write the lists as Markdown.")] = None) -> None:
+    """List every equation, table, figure, remark and theorem of the papers with its command, or why it has none."""
+    from etac_ros.cli.papers import papers as papers_
+    from etac_ros.cli.show import make_console
+
+    papers_(make_console(), write)
 
 
 @app.command()
@@ -242,12 +254,13 @@ def check(
 @app.command()
 def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -> None:
     """Print the complete parameter file of a run, for nodes that are started by hand."""
+    from etac_ros.metrics.published import for_others
     from etac_ros.scenario.load import load
 
     loaded = load(scenario, variant, set_ or ())
     for note in loaded.rounded:
         typer.echo(f"# {note}")
-    typer.echo(loaded.text, nl=False)
+    typer.echo(for_others(loaded).text, nl=False)
 
 
 @app.command("list")

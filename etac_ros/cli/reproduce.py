@@ -1,4 +1,4 @@
-"""``etac reproduce``: every published figure beside a measured one."""
+"""``etac reproduce``: every published figure beside a measured one, and the stored sweeps behind the verdicts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from rich.console import Console
 from rich.status import Status
 
 from etac_ros.errors import EtacError, ScenarioError
-from etac_ros.reproduce.rows import Effort, Row, published_variants, rows_of
-from etac_ros.reproduce.verdict import Verdict
+from etac_ros.metrics.stored import Stored, stored
+from etac_ros.metrics.verdict import Verdict
+from etac_ros.reproduce.bands import make, place, why_stale, write
+from etac_ros.reproduce.rows import Baselines, Row, rows_of
+from etac_ros.reproduce.variants import published_variants, title_of
 from etac_ros.reproduce.write import as_json, markdown, rows_table, tally
 from etac_ros.scenario.load import available
 from etac_ros.tables.table import Row as TableRow
@@ -21,19 +24,19 @@ from etac_ros.tables.terminal import show
 
 _COLOURS = {
     Verdict.REPRODUCED: "green",
+    Verdict.KEPT: "green",
     Verdict.NEAR: "yellow",
     Verdict.NOT_REPRODUCED: "red",
+    Verdict.NOT_KEPT: "red",
+    Verdict.MISSED: "red",
+    Verdict.FITTED: "dim",
+    Verdict.CONSTRUCTED: "dim",
     Verdict.NOT_TESTABLE: "dim",
 }
 
 
 def reproduce(
-    names: Sequence[str],
-    effort: Effort,
-    overrides: Sequence[str],
-    console: Console,
-    page: Path | None = None,
-    data: Path | None = None,
+    names: Sequence[str], engine: str, console: Console, page: Path | None = None, data: Path | None = None
 ) -> list[Row]:
     """Run everything that has published figures, and show what became of them.
 
@@ -41,10 +44,8 @@ def reproduce(
     ----------
     names
         Scenarios; none takes all.
-    effort
-        How much is run.
-    overrides
-        ``key=value`` assignments for all of them.
+    engine
+        ``ros`` or ``inprocess``, for the measured figures.
     console
         Where to.
     page, data
@@ -57,7 +58,7 @@ def reproduce(
     """
     chosen = list(names) or available()
     for name in chosen:
-        published_variants(name, overrides)  # a mistake is found before anything runs
+        published_variants(name)  # a mistake is found before anything runs
     for path in (page, data):
         if path is not None and not path.parent.is_dir():
             raise ScenarioError(str(path), f"there is no folder {path.parent}", "a folder that exists")
@@ -65,30 +66,70 @@ def reproduce(
     with tempfile.TemporaryDirectory(prefix="etac_reproduce_") as folder:
         for name in chosen:
             with console.status(f"{name} ...") as status:
-                found = _rows(name, effort, overrides, Path(folder), status)
+                found = _rows(name, engine, Path(folder), status)
             if not found:
                 console.print(f"{name}: publishes no figures")
             for variant, of_variant in groupby(found, key=lambda row: row.variant):
                 console.print(f"\n{name}, {variant or 'as the file stands'}", style="bold")
                 _show(list(of_variant), console)
             rows += found
-    console.print(f"\n{tally(rows)}")
-    # The page names the command that writes it, with what differs from its defaults.
-    words = ["etac", "reproduce", *names, *(f"--set {override}" for override in overrides)]
-    for option, mine, usual in (("--runs", effort.runs, Effort.runs), ("--engine", effort.engine, Effort.engine)):
-        words += [f"{option} {mine}"] if mine != usual else []
+    console.print(f"\n{tally(rows)}", soft_wrap=True)
+    words = ["etac reproduce", *names, *([f"--engine {engine}"] if engine != "ros" else [])]
     if page is not None:
-        page.write_text(markdown(rows, effort, " ".join([*words, f"--write {page}"])))
+        page.write_text(markdown(rows, engine, " ".join([*words, f"--write {page}"]), stored()), encoding="utf-8")
     if data is not None:
-        data.write_text(as_json(rows, effort))
+        data.write_text(as_json(rows, engine), encoding="utf-8")
     return rows
 
 
-def _rows(name: str, effort: Effort, overrides: Sequence[str], folder: Path, status: Status) -> list[Row]:
+def make_bands(names: Sequence[str], runs: int, workers: int | None, console: Console) -> None:
+    """Make the stored sweeps that are stale or missing anew.
+
+    Parameters
+    ----------
+    names
+        Scenarios; none takes all.
+    runs
+        Dispersed runs of each variant.
+    workers
+        Processes; None takes every core.
+    console
+        Where to.
+
+    Raises
+    ------
+    EtacError
+        If a scenario cannot be loaded, or the file not be written.
+    """
+    if workers is not None and workers < 1:
+        raise ScenarioError(f"--workers {workers}", "is no number of processes", "1 or more")
+    known, stale = stored(), []
+    sweeps = {(one.scenario, one.variant): one for one in (known.sweeps if known is not None else [])}
+    for name in list(names) or available():
+        for scenario in published_variants(name):
+            found = sweeps.get((scenario.name, scenario.variant))
+            why = "none is stored" if found is None else why_stale(scenario, found)
+            if found is not None and not why and found.runs < runs:
+                why = f"{found.runs} runs are stored"
+            if why:
+                stale.append(title_of(scenario))
+                console.print(f"{title_of(scenario)}: {why}", soft_wrap=True)
+    path = place()
+
+    def keep(made: Stored) -> None:
+        write(made, path)
+
+    with console.status("...") as status:
+        made = make(list(names) or available(), known, runs, workers, lambda text: status.update(f"{text} ..."), keep)
+    console.print(f"{len(stale)} of {len(made.sweeps)} sweeps made anew: {path}", soft_wrap=True)
+
+
+def _rows(name: str, engine: str, folder: Path, status: Status) -> list[Row]:
     rows: list[Row] = []
-    for scenario in published_variants(name, overrides):
+    baselines: Baselines = {}
+    for scenario in published_variants(name):
         try:
-            rows += rows_of(scenario, effort, folder, overrides, lambda text: status.update(f"{text} ..."))
+            rows += rows_of(scenario, engine, folder, lambda text: status.update(f"{text} ..."), baselines)
         except EtacError as error:
             raise type(error)(f"{name}, variant {scenario.variant}", str(error)) from error
     return rows
@@ -107,6 +148,5 @@ def _show(rows: Sequence[Row], console: Console) -> None:
         for row, line in zip(rows, table.rows, strict=True)
     )
     notes = tuple(f"  ({letter}) {reason}" for reason, letter in reasons.items())
-    show(
-        replace(table, columns=table.columns[:-1], rows=lines, notes=notes, spare=frozenset({"runs", "where"})), console
-    )
+    spare = frozenset({"kind", "where"})
+    show(replace(table, columns=table.columns[:-1], rows=lines, notes=notes, spare=spare), console)

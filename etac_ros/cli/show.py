@@ -11,12 +11,13 @@ from rich.console import Console
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.metrics.cells import (
+    BAND,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE_SHORT,
     WATCHED,
-    is_outside,
+    falls_short,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -38,7 +39,7 @@ from etac_ros.tables.terminal import make_console, show
 
 __all__ = ["make_console", "show", "show_bag", "show_recovery", "show_summary"]
 
-_OUTSIDE = "! outside the band"
+_SHORT = "! not the paper's: etac reproduce says how far"
 
 
 def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None:
@@ -94,7 +95,7 @@ def _figures(keys: Sequence[FigureKey], source: str, summary: Summary, more: boo
     for key in keys:
         value, figure = figures.get(key), paper.get(key)
         published, band = paper_cells(figure)
-        marked = is_outside(value, figure)
+        marked = falls_short(value, figure)
         outside |= marked
         cells = [
             "-" if value is None else number(value),
@@ -103,11 +104,11 @@ def _figures(keys: Sequence[FigureKey], source: str, summary: Summary, more: boo
         if baseline is not None:
             cells.append(optional(baseline.figures.get(key)))
         rows.append(Row((summary.label_of(key), *cells)))
-    columns = ("", "this run", *((source, "band") if paper else ()))
+    columns = ("", "this run", *((source, BAND) if paper else ()))
     if baseline is not None:
         columns = (*columns, "baseline")
     against = () if baseline is None else (f"baseline: {baseline.variant}",)
-    notes = against + ((_OUTSIDE,) if outside else ()) + (() if more else _reason(source, summary))
+    notes = against + ((_SHORT,) if outside else ()) + (() if more else _reason(source, summary))
     return Table("", columns, tuple(rows), notes)
 
 
@@ -125,13 +126,13 @@ def _by_namespace(alike: Sequence[Mapping[str, FigureKey]], source: str, summary
         for namespace in namespaces:
             key = members.get(namespace)
             value, figure = (None, None) if key is None else (figures.get(key), paper.get(key))
-            marked = is_outside(value, figure)
+            marked = falls_short(value, figure)
             outside |= marked
             cell = "-" if value is None else number(value)
             cells.append(cell if figure is None else f"{cell} ({printed(figure)}){'!' if marked else ' '}")
         first = next(iter(members.values()))
         rows.append(Row((summary.label_of(first).removesuffix(f", {first.node}"), *cells)))
-    notes = ((_OUTSIDE,) if outside else ()) + _reason(source, summary)
+    notes = ((_SHORT,) if outside else ()) + _reason(source, summary)
     return Table("", (f"this run ({source})" if paper else "this run", *namespaces), tuple(rows), notes)
 
 

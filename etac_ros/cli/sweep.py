@@ -14,7 +14,7 @@ from rich.text import Text
 
 from etac_ros.cli.show import show_summary
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.cells import paper_cells
+from etac_ros.metrics.cells import BAND, printed
 from etac_ros.metrics.figures import FigureKey, label
 from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import RosOptions, Run, free_bag_directory, run_over_ros
@@ -197,12 +197,12 @@ def _show_bands(spread: Sequence[Band], result: SweepResult, console: Console) -
                 f"{one.sd:.3g}",
                 _range(one.low, one.high),
                 _range(one.p5, one.p95),
-                *(("", "", "") if one.published is None else _beside(one)),
+                *_beside(one),
             )
         )
         for one in sorted(shown, key=lambda one: one.published is None)
     )
-    columns = ("runs", "mean", "sd", "least to largest", "5 to 95 %", result.description["source"], "band", "inside")
+    columns = ("runs", "mean", "sd", "least to largest", BAND, result.description["source"], "sd from it")
     show(Table("", ("", *columns), rows), console)
 
 
@@ -214,10 +214,12 @@ def _short(value: float) -> str:
     return number(value) if float(value).is_integer() else f"{value:,.3g}" if abs(value) < 1000.0 else f"{value:,.0f}"
 
 
-def _beside(one: Band) -> tuple[str, str, str]:
-    assert one.published is not None
-    assert one.inside is not None
-    return (*paper_cells(one.published), f"{100.0 * one.inside / one.count:.0f} %")
+def _beside(one: Band) -> tuple[str, str]:
+    """The paper's figure, and how many standard deviations the mean of these runs is from it."""
+    if one.published is None:
+        return "", ""
+    distance = f"{(one.mean - one.published.value) / one.sd:+.1f}" if one.sd else ""
+    return printed(one.published), distance
 
 
 def _is_main(figure: str) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from etac_ros.metrics.accounts import LinkAccount, MediumAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
-from etac_ros.tables.numbers import band, bracketed, number, optional, type_words
+from etac_ros.metrics.verdict import GOOD, Spread, Verdict
+from etac_ros.tables.numbers import band, bracketed, optional, type_words
 
 KINDS = ("network", "internal", "emulation")
 PERFORMANCE = ("error [deg]", "largest* [deg]", "rate [deg/s]", "largest* [deg/s]", "energy [N²m²s]")
@@ -90,16 +91,33 @@ def totals_of(summary: Summary, kind: str) -> Totals:
     return {"network": summary.network, "internal": summary.internal, "emulation": summary.emulation}[kind]
 
 
+BAND = "5 to 95 %"
+"""Head of the column with the spread over dispersed starts."""
+
+
 def paper_cells(figure: PublishedValue | None) -> tuple[str, str]:
-    """The paper's figure and its band."""
-    return ("", "") if figure is None else (printed(figure), band(figure.low, figure.high))
+    """The paper's figure, and where runs with dispersed starts lie."""
+    return ("", "") if figure is None else (printed(figure), spread_cell(figure.spread))
+
+
+def spread_cell(spread: Spread | None) -> str:
+    """Where 90 % of the dispersed runs lie; empty where none are stored, or all are alike."""
+    return "" if spread is None else band(spread.p5, spread.p95)
 
 
 def printed(figure: PublishedValue) -> str:
-    """The paper's figure; a limit is marked."""
-    return f"{'≤ ' if figure.is_limit else ''}{number(figure.value)}"
+    """The paper's figure with its digits; a limit is marked."""
+    return f"{'≤ ' if figure.is_limit else ''}{digits(figure.printed)}"
 
 
-def is_outside(measured: float | None, figure: PublishedValue | None) -> bool:
-    """Whether a figure was measured and lies outside the paper's band."""
-    return measured is not None and figure is not None and not figure.contains(measured)
+def digits(text: str) -> str:
+    """Printed digits, with thousands apart where they are many."""
+    return f"{int(text):,}" if text.isdigit() else text
+
+
+def falls_short(measured: float | None, figure: PublishedValue | None) -> bool:
+    """Whether a figure was measured and is not the paper's, by the one rule: near, not reproduced, kept or met."""
+    if figure is None:
+        return False
+    verdict = figure.judge(measured).verdict
+    return verdict is not Verdict.NOT_TESTABLE and verdict not in GOOD

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +23,7 @@ from etac_ros.plants.plant import bodies_of, driven_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.load import Scenario
-from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
+from etac_ros.scenario.schema import Measure, Published, PublishedFigure, Statistic
 
 ATTITUDE = "attitude error"
 RATE = "rate"
@@ -47,6 +48,16 @@ def stands_beside_paper(scenario: Scenario) -> str | None:
     if not changed:
         return None
     return f"the published figures belong to the scenario as it stands in its file; here {_listed(changed)} changed"
+
+
+def for_others(scenario: Scenario) -> Scenario:
+    """The scenario as it is given away in a file, which does not know what was changed to make it.
+
+    Without the paper's figures, if these do not stand beside it.
+    """
+    if stands_beside_paper(scenario) is None:
+        return scenario
+    return replace(scenario, run=scenario.run.model_copy(update={"published": Published()}))
 
 
 def _listed(names: Sequence[str]) -> str:

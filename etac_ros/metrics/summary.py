@@ -20,9 +20,11 @@ from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
+from etac_ros.metrics.stored import StoredSweep, declared, differs, stored_sweep
+from etac_ros.metrics.verdict import Judgement, Paper, Spread, judge
 from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.load import Scenario
-from etac_ros.scenario.schema import PublishedFigure
+from etac_ros.scenario.schema import FigureKind, PublishedFigure
 
 Kind = Literal["network", "internal", "emulation"]
 _LAST_PART = 0.4
@@ -117,8 +119,11 @@ class MeasuredValue(_Figure):
 class PublishedValue(_Figure):
     """A figure of the paper."""
 
-    low: float
-    high: float
+    printed: str = Field(description="its digits as the paper prints them")
+    kind: FigureKind = Field(description="what it says when it is met")
+    fitted_to: str = Field(description="what was chosen so that it is met; only where it was")
+    spread: Spread | None = Field(description="over runs with dispersed starts; null where none are stored")
+    changed: str = Field(description="in what it is declared otherwise than when its spread was stored")
     label: str = Field(description="what it is called, where its name does not say it")
     where: str = Field(description="where the paper prints it")
     reason: str = Field(description="why it is not reproduced, where it is not")
@@ -126,17 +131,19 @@ class PublishedValue(_Figure):
     @property
     def is_limit(self) -> bool:
         """Whether it is a limit that the paper says is kept."""
-        return self.low == 0.0 and self.high == self.value
+        return self.kind is FigureKind.LIMIT
 
-    def contains(self, measured: float) -> bool:
-        """Whether a figure lies inside the band."""
-        return self.low <= measured <= self.high
+    def judge(self, measured: float | None) -> Judgement:
+        """What becomes of it, by the one rule."""
+        return judge(Paper(self.printed, self.kind, self.changed), measured, self.spread)
 
 
 class Summary(_Model):
     """The summary of one run."""
 
-    format: Literal[2] = Field(default=2, description="of this summary; 2 lists figures by name and node")
+    format: Literal[3] = Field(
+        default=3, description="of this summary; 3 has printed digits, kind and spread of figures"
+    )
     scenario: str
     variant: str | None
     engine: Literal["ros", "inprocess"]
@@ -257,7 +264,7 @@ def summarise(
         memory_kib=dict(memory_kib or {}),
         strangers=dict(strangers or {}),
         bag=bag,
-        published=[] if reason else [published_value(*item) for item in published.items()],
+        published=[] if reason else list(published_values(scenario, graph).values()),
         published_not=reason if published else "",
         own=_own_figures(published, graph, recording),
         measured=[],
@@ -265,10 +272,34 @@ def summarise(
     return with_measured(summary, None)
 
 
-def published_value(key: FigureKey, figure: PublishedFigure) -> PublishedValue:
-    """A figure of the paper as the summary holds it."""
-    kept = figure.model_dump(exclude={"measure", "figure", "node", "kind", "fitted_to"})
-    return PublishedValue(figure=key.name, node=key.node, **kept)
+def published_values(scenario: Scenario, graph: Graph) -> dict[FigureKey, PublishedValue]:
+    """The figures of the paper as the summary holds them, each with its stored spread."""
+    sweep = stored_sweep(scenario)
+    same = sweep is not None and sweep.digest == scenario.content_digest
+    return {
+        key: _published_value(key, figure, sweep, same) for key, figure in published_figures(scenario, graph).items()
+    }
+
+
+def _published_value(key: FigureKey, figure: PublishedFigure, sweep: StoredSweep | None, same: bool) -> PublishedValue:
+    here, changed = declared(figure, key.name), ""
+    there = None
+    if sweep is not None:
+        there = sweep.figures.get(str(key))
+        changed = "it was not declared then" if there is None else differs(here, there)
+    return PublishedValue(
+        figure=key.name,
+        node=key.node,
+        value=figure.value,
+        printed=here.printed,
+        kind=here.kind if there is None else there.kind,
+        fitted_to=figure.fitted_to,
+        spread=None if there is None or changed or not same else there.spread,
+        changed=changed,
+        label=figure.label,
+        where=figure.where,
+        reason=figure.reason,
+    )
 
 
 def with_measured(summary: Summary, baseline: Summary | None) -> Summary:

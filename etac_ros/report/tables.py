@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from etac_ros.metrics.cells import (
+    BAND,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE,
     WATCHED,
-    is_outside,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -91,7 +91,7 @@ def published_table(view: View) -> Table | None:
             cells += [*paper_cells(figure), _verdict(value, figure)]
         cells += [optional(_beside(view, other).get(key)) for other in view.others]
         rows.append(Row(tuple(cells)))
-    beside = (view.source, "band", "in the band") if paper else ()
+    beside = (view.source, BAND, "verdict") if paper else ()
     title = "Beside the published figures" if paper else "Figures"
     return Table(title, ("", view.labels[0], *beside, *view.labels[1:]), tuple(rows), _published_notes(view))
 
@@ -253,7 +253,10 @@ def _published_notes(view: View) -> tuple[str, ...]:
         return (f"{run.summary.published_not[:1].upper()}{run.summary.published_not[1:]}.",)
     if not run.is_baseline and view.baseline is None and view.paper_baseline is not None:
         notes.append(f"Reduction: against the published baseline ({view.source}); none was measured here.")
-    notes.append("Band: where one run of many like it may lie; late triggering instants are sensitive to the start.")
+    notes.append(
+        f"{BAND}: of stored runs with dispersed starts; late triggering instants are sensitive to the start. "
+        "docs/reproduction.md states the rule of the verdict."
+    )
     return tuple(notes)
 
 
@@ -284,4 +287,4 @@ def _interval(seconds: float | None) -> str:
 def _verdict(value: float | None, figure: PublishedValue | None) -> str:
     if value is None or figure is None:
         return ""
-    return "no" if is_outside(value, figure) else "yes"
+    return figure.judge(value).verdict.value

@@ -1,27 +1,22 @@
-"""One row for each published figure: measured over one run, with its band over many dispersed ones."""
+"""One row for each published figure: measured over one run, with its stored spread, judged by the one rule."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.errors import RunHalted
 from etac_ros.metrics.figures import FigureKey, label
-from etac_ros.metrics.published import published_figures
-from etac_ros.metrics.summary import PublishedValue, Summary, published_value, with_measured
-from etac_ros.reproduce.verdict import Spread, Verdict, judge
+from etac_ros.metrics.summary import PublishedValue, Summary, published_values, with_measured
+from etac_ros.metrics.verdict import Judgement, Verdict
+from etac_ros.reproduce.variants import title_of
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
-from etac_ros.scenario.load import Scenario, baseline_of, load
-from etac_ros.sweep.bands import bands
-from etac_ros.sweep.plan import make_plan
-from etac_ros.sweep.run import cores, sweep, usual_workers
-
-_FEWEST = 10
-"""Perturbed runs of a variant, however long one takes."""
+from etac_ros.scenario.load import Scenario, baseline_of
 
 Say = Callable[[str], None]
+Baselines = dict[str, Summary | None]
+"""What baselines did, by digest; None where a watch ended one."""
 
 
 @dataclass(frozen=True)
@@ -32,151 +27,117 @@ class Row:
     ----------
     scenario, variant
         What was run; an empty variant is the scenario as it stands.
-    figure, label
-        Name of the figure, and what it is called.
-    where
-        Where the paper prints it.
-    published, is_limit
-        The paper's figure; whether it is a limit that has to be kept.
+    key, label
+        Which figure, and what it is called.
+    paper
+        The published figure.
     measured
         None where the run has no such figure.
-    spread
-        Over dispersed runs.
-    verdict, reason
-        By the rule; why it is not reproduced.
+    judgement
+        By the rule.
+    reason
+        Why it does not come out, or what was fitted.
+    of_formation
+        Whether several spacecraft have the figure, each its own.
     """
 
     scenario: str
     variant: str
-    figure: str
+    key: FigureKey
     label: str
-    where: str
-    published: float
-    is_limit: bool
+    paper: PublishedValue
     measured: float | None
-    spread: Spread | None
-    verdict: Verdict
+    judgement: Judgement
     reason: str
+    of_formation: bool
+
+    @property
+    def verdict(self) -> Verdict:
+        """By the rule."""
+        return self.judgement.verdict
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How much is run.
-
-    Attributes
-    ----------
-    runs
-        Perturbed runs of each variant, at most.
-    budget_s
-        Wall time for them: where a run takes long, fewer are made.
-    engine
-        ``ros`` or ``inprocess``, for the measured figures.
-    workers
-        Processes of the sweep; None takes every core.
-    """
-
-    runs: int = 200
-    budget_s: float = 10.0
-    engine: str = "ros"
-    workers: int | None = None
-
-
-def published_variants(name: str, overrides: Sequence[str] = ()) -> list[Scenario]:
-    """The variants of a scenario with published figures; of those that change nothing, the file as it stands."""
-    base = load(name, None, overrides)
-    found = [base] if base.published else []
-    for variant in base.variants:
-        try:
-            scenario = load(name, variant, overrides)
-        except ScenarioError:
-            continue  # refused for a reason of its own: there is nothing to measure
-        if scenario.published and scenario.published != base.published:
-            found.append(scenario)
-    return found
-
-
-def rows_of(scenario: Scenario, effort: Effort, folder: Path, overrides: Sequence[str], say: Say) -> list[Row]:
+def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say, baselines: Baselines | None = None) -> list[Row]:
     """Measure a variant and judge its published figures.
 
     Parameters
     ----------
     scenario
         The variant.
-    effort
-        How much is run.
+    engine
+        ``ros`` or ``inprocess``.
     folder
         Where bags go.
-    overrides
-        As for :func:`etac_ros.scenario.load.load`.
     say
         Told what is being done.
+    baselines
+        Those that were run before, by digest: many variants share one. Added to.
     """
-    title = f"{scenario.name} {scenario.variant or ''}".strip()
-    say(f"{title}: one run over {effort.engine}")
-    summary = _measured(scenario, effort, folder)
-    # Also with values overridden: then the verdicts say what the change does to them.
-    figures = {key: published_value(key, one) for key, one in published_figures(scenario, scenario.build()).items()}
-    measured = summary.figures
-    spreads = _spreads(scenario, effort, overrides, [key for key in figures if key in measured], say)
-    return [_row(scenario, figure, measured.get(key), spreads.get(str(key))) for key, figure in figures.items()]
+    say(f"{title_of(scenario)}: one run over {engine}")
+    measured = _measured(scenario, engine, folder, {} if baselines is None else baselines).figures
+    graph = scenario.build()
+    return [
+        _row(scenario, figure, measured.get(key), len(graph.plants) > 1)
+        for key, figure in published_values(scenario, graph).items()
+    ]
 
 
-def _measured(scenario: Scenario, effort: Effort, folder: Path) -> Summary:
-    if effort.engine == "ros":
-        summary = run_over_ros(
-            scenario, folder / f"{scenario.name}_{scenario.variant or 'as_it_stands'}", RosOptions()
-        ).summary
+def _measured(scenario: Scenario, engine: str, folder: Path, baselines: Baselines) -> Summary:
+    if engine == "ros":
+        summary = run_over_ros(scenario, folder / title_of(scenario).replace(" ", "_"), RosOptions()).summary
     else:
         summary = run_in_process(scenario).summary
-    return with_measured(summary, _baseline(scenario))
+    return with_measured(summary, _baseline(scenario, baselines))
 
 
-def _baseline(scenario: Scenario) -> Summary | None:
+def _baseline(scenario: Scenario, known: Baselines) -> Summary | None:
     """What the run's own baseline did; None where it has none, or a watch ended it."""
     baseline = baseline_of(scenario)
-    try:
-        return None if baseline is None else run_in_process(baseline).summary
-    except RunHalted:
+    if baseline is None:
         return None
+    if baseline.digest not in known:
+        try:
+            known[baseline.digest] = run_in_process(baseline).summary
+        except RunHalted:
+            known[baseline.digest] = None
+    return known[baseline.digest]
 
 
-def _spreads(
-    scenario: Scenario, effort: Effort, overrides: Sequence[str], keys: Sequence[FigureKey], say: Say
-) -> Mapping[str, Spread]:
-    if not scenario.run.dispersion:
-        return {}
-    workers = effort.workers or cores()
-    one = run_in_process(scenario).summary.timing.total_s
-    runs = max(min(effort.runs, math.floor(effort.budget_s * workers / max(one, 1e-6))), _FEWEST)
-    runs = min(runs, effort.runs)
-    plan = make_plan(str(scenario.path), runs, scenario.variant, overrides)
-    title = f"{scenario.name} {scenario.variant or ''}".strip()
-    result = sweep(
-        plan, usual_workers(effort.workers), lambda done, planned: say(f"{title}: {done} of {planned} dispersed runs")
-    )
-    found = bands(result, [str(key) for key in keys])
-    return {band.figure: Spread(band.p5, band.p95, band.count) for band in found}
-
-
-def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, spread: Spread | None) -> Row:
-    verdict = judge(figure.value, figure.is_limit, measured, spread)
+def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, of_formation: bool) -> Row:
+    judgement = figure.judge(measured)
     return Row(
         scenario=scenario.name,
         variant=scenario.variant or "",
-        figure=str(figure.key),
+        key=figure.key,
         label=label(figure.key, figure.label),
-        where=figure.where,
-        published=figure.value,
-        is_limit=figure.is_limit,
+        paper=figure,
         measured=measured,
-        spread=spread,
-        verdict=verdict,
-        reason="" if verdict is Verdict.REPRODUCED else figure.reason or _UNEXPLAINED[verdict],
+        judgement=judgement,
+        reason=_reason(figure, judgement),
+        of_formation=of_formation,
     )
 
 
+def _reason(figure: PublishedValue, judgement: Judgement) -> str:
+    verdict = judgement.verdict
+    fitted = f"fitted: {figure.fitted_to}" if figure.fitted_to else ""
+    if verdict in (Verdict.REPRODUCED, Verdict.KEPT, Verdict.FITTED, Verdict.CONSTRUCTED):
+        return fitted
+    if figure.changed:
+        return f"declared otherwise than in the stored sweep: {figure.changed}"
+    alone = verdict is Verdict.NOT_REPRODUCED and judgement.percent is not None and abs(judgement.percent) <= _CLOSE
+    why = figure.reason or (
+        "this run is close to it, the mean of the dispersed ones is not" if alone else _UNEXPLAINED[verdict]
+    )
+    return "; ".join(part for part in (fitted, why) if part)
+
+
+_CLOSE = 10.0
+"""Per cent."""
 _UNEXPLAINED = {
     Verdict.NEAR: "",
     Verdict.NOT_REPRODUCED: "no reading of the paper that was tried gives it",
+    Verdict.NOT_KEPT: "no reading of the paper that was tried keeps it",
+    Verdict.MISSED: "",
     Verdict.NOT_TESTABLE: "a run does not give it",
 }

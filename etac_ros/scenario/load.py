@@ -27,6 +27,8 @@ from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
+_BEARS_NOT = {"published", "title", "baseline", "compare", "windows", "variant", "dispersion", "tradeoff"}
+"""Keys of the run that bear on no result."""
 _NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
@@ -91,11 +93,14 @@ class Scenario:
     @property
     def digest(self) -> str:
         """Digest of everything that bears on the result: processes compare it before they run together."""
-        everywhere = self.run.model_dump(
-            mode="json",
-            by_alias=True,
-            exclude={"published", "title", "baseline", "compare", "windows", "variant", "dispersion", "tradeoff"},
-        )
+        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude=_BEARS_NOT))
+
+    @property
+    def content_digest(self) -> str:
+        """The same, but for keys of the run at their default: one that a later version adds does not change it."""
+        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude=_BEARS_NOT))
+
+    def _digest(self, everywhere: Mapping[str, Any]) -> str:
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]

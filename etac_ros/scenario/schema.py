@@ -146,6 +146,11 @@ class Measure(Parameters):
         return self
 
 
+def _shortest(value: float) -> str:
+    """The fewest digits of a number, in the form of a paper: 84, 97.5, 2e-05."""
+    return f"{value:.0f}" if value.is_integer() and abs(value) < 1e9 else repr(value)
+
+
 class FigureKind(StrEnum):
     """What kind of a figure a published one is: only the first four say anything when they are met."""
 
@@ -163,7 +168,7 @@ class FigureKind(StrEnum):
 
 
 class PublishedFigure(Parameters):
-    """A figure of the paper, and the band in which a single draw of it may lie."""
+    """A figure of the paper. In what band a run may lie is no key: the stored sweep says it."""
 
     figure: str = Field(
         default="", pattern=r"^\S*$", description="which figure of a run it stands beside; default: its own key"
@@ -171,9 +176,8 @@ class PublishedFigure(Parameters):
     node: str | None = Field(
         default=None, description="whose figure; default: that of its measure, of the only sensor, or of the whole run"
     )
-    value: FiniteFloat
-    low: FiniteFloat
-    high: FiniteFloat
+    value: FiniteFloat = Field(description="best as text, with the digits that the paper prints: '97.50'")
+    printed: str = Field(default="", description="these digits; default: those of the value")
     label: str = Field(default="", description="what it is called in tables")
     where: str = Field(default="", description="where the paper prints it: table, figure, section")
     reason: str = Field(default="", description="why it is not reproduced, or cannot be tested")
@@ -184,10 +188,36 @@ class PublishedFigure(Parameters):
     )
     fitted_to: str = Field(default="", description="what was chosen so that this figure is met; only where it was")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _digits(cls, given: Any) -> Any:
+        """A value that is text keeps its digits; of a number that is none, the trailing zeros are not known."""
+        if not isinstance(given, dict) or "value" not in given or given.get("printed"):
+            return given
+        value = given["value"]
+        if isinstance(value, str):
+            try:
+                return {**given, "printed": value, "value": float(value)}
+            except ValueError:
+                return given
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            return given
+        return {**given, "printed": _shortest(float(value))}
+
+    @model_validator(mode="after")
+    def _same(self) -> PublishedFigure:
+        try:
+            same = float(self.printed) == self.value
+        except ValueError:
+            same = False
+        if not same:
+            raise ValueError(f"the printed digits are '{self.printed}', and must be those of the value, {self.value:g}")
+        return self
+
     def kind_as(self, name: str) -> FigureKind:
         """Its kind under the name of the measured figure: as said, or as the name has it.
 
-        A band from 0 to the value makes no limit by itself: that has to be said.
+        That a figure is a limit has to be said.
         """
         if self.fitted_to:
             return FigureKind.FITTED
@@ -204,12 +234,6 @@ class PublishedFigure(Parameters):
             raise ValueError(f"what is fitted ({self.fitted_to}) has the kind fitted, not {self.kind}")
         if self.kind is FigureKind.FITTED and not self.fitted_to:
             raise ValueError("the kind fitted needs the key 'fitted_to': what was chosen so that this figure is met")
-        return self
-
-    @model_validator(mode="after")
-    def _band(self) -> PublishedFigure:
-        if not self.low <= self.high:
-            raise ValueError(f"the band runs from {self.low:g} to {self.high:g}: low must not be above high")
         return self
 
 

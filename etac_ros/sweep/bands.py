@@ -32,9 +32,7 @@ class Band:
     mean, sd, low, high, p5, p95
         Mean, standard deviation of a sample (n - 1; 0 for one run), least, largest, and percentiles 5 and 95.
     published
-        The paper's figure and its band; None where there is none.
-    inside
-        Runs that lie within the published band; None where there is none.
+        The paper's figure; None where none stands beside these runs.
     """
 
     figure: str
@@ -47,7 +45,6 @@ class Band:
     p5: float
     p95: float
     published: PublishedValue | None
-    inside: int | None
 
 
 @dataclass(frozen=True)
@@ -167,7 +164,6 @@ def _band(name: str, point: int, values: FloatArray, published: PublishedValue |
         p5=float(p5),
         p95=float(p95),
         published=published,
-        inside=None if published is None else sum(published.contains(value) for value in values.tolist()),
     )
 
 

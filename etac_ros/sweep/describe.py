@@ -13,14 +13,15 @@ import scipy
 
 from etac_ros import __version__
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.published import published_figures
-from etac_ros.metrics.summary import published_value
+from etac_ros.metrics.published import stands_beside_paper
+from etac_ros.metrics.summary import published_values
 from etac_ros.scenario.document import shown
+from etac_ros.scenario.load import Scenario
 from etac_ros.sweep.plan import Plan
 
 Description = Mapping[str, Any]
 
-FORMAT = 2
+FORMAT = 3
 _MUST_AGREE = ("scenario", "variant", "version", "fixed", "points", "dispersions", "runs", "seed", "digests")
 _WORDS = {"digests": "the scenario itself", "runs": "--runs", "fixed": "--set", "points": "--set with several values"}
 
@@ -45,13 +46,7 @@ def describe(plan: Plan) -> dict[str, Any]:
         "points": [dict(point.values) for point in plan.points],
         "sensors": list(plan.sensors),
         "event_triggered": [name for name, by_events in plan.sensors.items() if by_events],
-        "published": [
-            {
-                str(key): published_value(key, figure).model_dump()
-                for key, figure in published_figures(point.scenario, point.scenario.build()).items()
-            }
-            for point in plan.points
-        ],
+        "published": [_published(point.scenario) for point in plan.points],
         "source": first.run.published.source or "paper",
         "ticks_per_second": first.run.ticks_per_second,
         "scenario_text": first.text,
@@ -62,6 +57,15 @@ def describe(plan: Plan) -> dict[str, Any]:
             "numba": numba.__version__,
             "pyarrow": pa.__version__,
         },
+    }
+
+
+def _published(scenario: Scenario) -> dict[str, Any]:
+    """The figures of the paper by column, where they stand beside runs of this scenario."""
+    if stands_beside_paper(scenario) is not None:
+        return {}
+    return {
+        str(key): figure.model_dump(mode="json") for key, figure in published_values(scenario, scenario.build()).items()
     }
 
 
