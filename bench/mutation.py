@@ -54,21 +54,20 @@ PROTOCOL = (
 )
 """Quick ones first: the first that notices ends a trial."""
 NODES = ("test_nodes.py",)
-BAG = ("test_bag_roundtrip.py", "test_bag_recover.py", "test_bag_errors.py", "test_bag_damage.py", "test_bag_forms.py")
+BAG = ("test_bag_errors.py", "test_bag_forms.py", "test_bag_recover.py", "test_bag_damage.py")
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "timing/digest.py": ("test_digest.py", *PROTOCOL),
+    "timing/digest.py": PROTOCOL,
     "timing/dispatcher.py": ("test_dispatcher.py", *PROTOCOL),
     "timing/duties.py": PROTOCOL,
     "timing/master.py": ("test_master.py", *PROTOCOL),
-    "timing/orders.py": PROTOCOL,
     "timing/windows.py": ("test_master.py", *PROTOCOL),
     "timing/worker.py": ("test_worker.py", *PROTOCOL),
     "engines/inprocess.py": ("test_master.py", "test_replay.py", *PROTOCOL),
     "graph/channel.py": ("test_channel.py", "test_replay.py"),
     "graph/replay.py": ("test_replay.py", "test_figures.py"),
-    "graph/driver.py": ("test_driver.py", "test_promises.py", "test_user_class.py", *PROTOCOL),
-    "metrics/summary.py": ("test_summary.py", "test_summary_schema.py", "test_replay.py", "test_figures.py"),
+    "graph/driver.py": ("test_user_class.py", *PROTOCOL),
+    "metrics/summary.py": ("test_summary_schema.py", "test_figures.py", "test_replay.py", "test_report_data.py"),
     "engines/ros/count_check.py": ("test_count_check.py",),
     "engines/ros/endpoints.py": ("test_endpoints.py", *NODES),
     "engines/ros/foreign.py": ("test_foreign_watch.py", *NODES),
@@ -80,23 +79,15 @@ TESTS: dict[str, tuple[str, ...]] = {
     "engines/ros/coordinator.py": ("test_coordinator.py", *NODES),
     "engines/ros/run_node.py": NODES,
     "bag/clock.py": ("test_bag_clock.py",),
-    "bag/codec.py": ("test_bag_roundtrip.py", "test_bag_forms.py"),
-    "bag/lock.py": ("test_bag_lock.py",),
-    "bag/records.py": BAG,
     "bag/reserve.py": ("test_bag_names.py",),
     "bag/run_bag.py": ("test_bag_run_bag.py", "test_bag_of_run.py"),
     "bag/write.py": BAG,
     "bag/read.py": BAG,
     "bag/recover.py": BAG,
-    "bag/from_recording.py": BAG,
-    "bag/metadata.py": BAG,
     "triggers/componentwise.py": ("test_trigger_componentwise.py",),
-    "triggers/one_norm.py": ("test_trigger_one_norm.py",),
     "triggers/periodic.py": ("test_trigger_periodic.py",),
     "triggers/relative.py": ("test_trigger_relative.py",),
-    "triggers/rule.py": ("test_trigger_timing.py", "test_trigger_relative.py"),
     "triggers/split_norm.py": ("test_trigger_split_norm.py",),
-    "triggers/state_relative.py": ("test_qi2022_trigger.py",),
     "triggers/timing.py": ("test_trigger_timing.py",),
 }
 
@@ -128,6 +119,11 @@ class Mutant:
     after: str
     source: str = field(repr=False)
     tests: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What identifies it though lines move."""
+        return f"{self.file}: {self.after.strip()}"
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line} {self.what}: `{self.before.strip()}` -> `{self.after.strip()}`"
@@ -208,6 +204,15 @@ NAMED: tuple[tuple[str, str, str, str, str], ...] = (
     ),
 )  # fmt: skip
 """Changes that once went unnoticed: name, file, what stands there, what is put there, the test file that notices."""
+
+
+EXPLAINED: dict[str, str] = {
+    "engines/inprocess.py: if plant is None and self._plant(plant).halt:": "The run is over: what a module says of a "
+    "window of before goes into no result.",
+    "engines/inprocess.py: if proposal is None or proposal is not order.grant:": "A module that does not use its leave "
+    "is asked later, and does the same.",
+}
+"""Changes that change no result, and why, by :attr:`Mutant.key`."""
 
 
 def named_mutants() -> list[Mutant]:
@@ -476,10 +481,12 @@ def main(
     """Try mutants; the exit code says whether a named one went unnoticed."""
     failures = 0
     scores = []
+    names = []
     for mutant in named_mutants():
         if fnmatch.fnmatch(mutant.file, f"*{only}*") and (named or write):
             score = try_all(mutant.file, 1, [mutant])
             failures += len(score.survivors)
+            names.append((mutant.what, not score.survivors))
             print(
                 f"{'UNNOTICED' if score.survivors else 'noticed':<10} {score.seconds:5.1f} s  {mutant.what}", flush=True
             )
@@ -500,7 +507,44 @@ def main(
         )
     tried, noticed = sum(score.tried for score in scores), sum(score.noticed for score in scores)
     print(f"{noticed} of {tried} noticed: {noticed / max(tried, 1):.1%}")
+    text = page(scores, names, f"--most {most} --seed {seed}")
+    if write is not None:
+        write.write_text(text, encoding="utf-8")
     raise typer.Exit(bool(failures))
+
+
+def page(scores: Sequence[Score], names: Sequence[tuple[str, bool]], options: str) -> str:
+    """The outcome as Markdown."""
+    tried, noticed = sum(score.tried for score in scores), sum(score.noticed for score in scores)
+    survivors = [mutant for score in scores for mutant in score.survivors]
+    explained = [mutant for mutant in survivors if mutant.key in EXPLAINED]
+    lines = [
+        "# Mutation testing",
+        "",
+        f"Written by `./scripts/bench mutation {options} --write docs/mutation.md`: small changes of the code, made by "
+        "cosmic-ray and tried one by one against the tests that ought to notice them, all without DDS. The draw and its "
+        "seed are part of the command; `--most 1000` tries all.",
+        "",
+        f"**Of {tried} mutants {noticed} were noticed ({noticed / max(tried, 1):.1%}), and {len(explained)} of the "
+        f"others are explained below: {(noticed + len(explained)) / max(tried, 1):.1%}.**",
+        "",
+        "| file | mutants | tried | noticed | seconds |",
+        "| --- | --- | --- | --- | --- |",
+        *(f"| {one.file} | {one.known:,} | {one.tried} | {one.noticed} | {one.seconds:.0f} |" for one in scores),
+        "",
+        "## Changes with a name",
+        "",
+        "Each of these once went unnoticed (`./scripts/bench mutation --named`).",
+        "",
+        "| change | noticed |",
+        "| --- | --- |",
+        *(f"| {name} | {'yes' if good else 'NO'} |" for name, good in names),
+        "",
+        "## Unnoticed",
+        "",
+        *(f"- {mutant}  \n  {EXPLAINED.get(mutant.key, 'not explained')}" for mutant in survivors),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
