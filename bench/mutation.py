@@ -4,6 +4,7 @@
     ./scripts/bench mutation                                # a sample of each file, about 25 minutes of one core
     ./scripts/bench mutation --named                        # the changes that have a name, one by one; a minute
     ./scripts/bench mutation --only timing --most 1000      # all mutants of some files
+    ./scripts/bench mutation --journal FILE                 # goes on where it was cut off, and tries survivors again
     ./scripts/bench mutation --write docs/mutation.md
 
 cosmic-ray makes the mutants; what runs them is here, because a mutant should cost a second and not the five of a
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import ast
 import fnmatch
+import hashlib
 import importlib
 import importlib.abc
 import importlib.machinery
@@ -119,6 +121,11 @@ class Mutant:
     after: str
     source: str = field(repr=False)
     tests: tuple[str, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """Of the changed file."""
+        return hashlib.sha256(f"{self.file}\n{self.source}".encode()).hexdigest()
 
     @property
     def key(self) -> str:
@@ -422,8 +429,20 @@ class Score:
         return self.tried - len(self.survivors)
 
 
-def try_all(file: str, known: int, mutants: Sequence[Mutant]) -> Score:
-    """Try mutants of one file, in a process of their own; the unchanged file goes first, and has to pass."""
+def try_all(file: str, known: int, mutants: Sequence[Mutant], journal: Path | None = None) -> Score:
+    """Try mutants of one file, in a process of their own; the unchanged file goes first, and has to pass.
+
+    What the journal says was noticed is not tried again.
+    """
+    score = Score(file, known)
+    before = _read_journal(journal)
+    for mutant in mutants:
+        if mutant.digest in before:
+            score.tried += 1
+            score.seconds += before[mutant.digest]
+    mutants = [mutant for mutant in mutants if mutant.digest not in before]
+    if not mutants:
+        return score
     receiving, sending = os.pipe()
     child = os.fork()
     if child == 0:
@@ -441,7 +460,6 @@ def try_all(file: str, known: int, mutants: Sequence[Mutant]) -> Score:
         finally:
             os._exit(code)
     os.close(sending)
-    score = Score(file, known)
     with os.fdopen(receiving) as pipe:
         for line in pipe:
             number, verdict, seconds = line.split()
@@ -450,10 +468,19 @@ def try_all(file: str, known: int, mutants: Sequence[Mutant]) -> Score:
             if verdict == "unnoticed":
                 score.survivors.append(mutants[int(number)])
                 print(f"    unnoticed: {mutants[int(number)]}", flush=True)
+            elif journal is not None:
+                with journal.open("a", encoding="utf-8") as kept:
+                    kept.write(f"{mutants[int(number)].digest} {seconds}\n")
     _, status = os.waitpid(child, 0)
     if status:
         raise SystemExit(f"{file}: the tests do not pass on the unchanged file, or could not be run")
     return score
+
+
+def _read_journal(journal: Path | None) -> dict[str, float]:
+    if journal is None or not journal.exists():
+        return {}
+    return {digest: float(seconds) for digest, seconds in map(str.split, journal.read_text().splitlines())}
 
 
 def _verdicts(file: str, mutants: Sequence[Mutant]) -> Iterator[tuple[int, str, float]]:
@@ -476,6 +503,7 @@ def main(
     most: Annotated[int, typer.Option(help="Mutants of a file.")] = MOST,
     seed: Annotated[int, typer.Option(help="Of the draw.")] = SEED,
     named: Annotated[bool, typer.Option("--named", help="Only the changes that have a name.")] = False,
+    journal: Annotated[Path | None, typer.Option(help="Keeps what was noticed, which is not tried again.")] = None,
     write: Annotated[Path | None, typer.Option(help="Where the page goes.")] = None,
 ) -> None:
     """Try mutants; the exit code says whether a named one went unnoticed."""
@@ -484,7 +512,7 @@ def main(
     names = []
     for mutant in named_mutants():
         if fnmatch.fnmatch(mutant.file, f"*{only}*") and (named or write):
-            score = try_all(mutant.file, 1, [mutant])
+            score = try_all(mutant.file, 1, [mutant], journal)
             failures += len(score.survivors)
             names.append((mutant.what, not score.survivors))
             print(
@@ -498,7 +526,7 @@ def main(
         known, chosen = mutants_of(file, most, seed)
         if not chosen:
             continue
-        score = try_all(file, known, chosen)
+        score = try_all(file, known, chosen, journal)
         scores.append(score)
         print(
             f"{file:<28} {score.known:>5} mutants, {score.tried:>4} tried, {score.noticed:>4} noticed, "
@@ -522,8 +550,8 @@ def page(scores: Sequence[Score], names: Sequence[tuple[str, bool]], options: st
         "# Mutation testing",
         "",
         f"Written by `./scripts/bench mutation {options} --write docs/mutation.md`: small changes of the code, made by "
-        "cosmic-ray and tried one by one against the tests that ought to notice them, all without DDS. The draw and its "
-        "seed are part of the command; `--most 1000` tries all.",
+        "cosmic-ray and tried one by one against the tests that ought to notice them, all without DDS. The draw and "
+        "its seed are part of the command; `--most 1000` tries all.",
         "",
         f"**Of {tried} mutants {noticed} were noticed ({noticed / max(tried, 1):.1%}), and {len(explained)} of the "
         f"others are explained below: {(noticed + len(explained)) / max(tried, 1):.1%}.**",
