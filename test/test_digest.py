@@ -16,12 +16,12 @@ def test_every_act_shows() -> None:
         "acted": acted(0, 0, 0),
         "acted later": acted(0, 1, 0),
         "acted on another window": acted(0, 0, 1),
-        "acted after": acted(1, 0, 0),
+        "acted after": acted(0x12345678, 0, 0),
         "received nothing": received(0, 0, 0, ()),
         "received nothing later": received(0, 1, 0, ()),
         "received without knowing when": received(0, None, 0, ()),
         "received on another window": received(0, 0, 1, ()),
-        "received after": received(1, 0, 0, ()),
+        "received after": received(0x12345678, 0, 0, ()),
         "received one": received(0, 0, 0, [(0, 1)]),
         "received another": received(0, 0, 0, [(0, 2)]),
         "received of another link": received(0, 0, 0, [(1, 1)]),
@@ -30,7 +30,7 @@ def test_every_act_shows() -> None:
         "received two one by one": received(received(0, 0, 0, [(0, 1)]), 0, 0, [(0, 2)]),
         "a value": carried(0, np.array([1.0, 2.0])),
         "a value's last bit": carried(0, np.array([1.0, np.nextafter(2.0, 3.0)])),
-        "a value after": carried(1, np.array([1.0, 2.0])),
+        "a value after": carried(0x12345678, np.array([1.0, 2.0])),
     }
     for (one, value), (other, another) in combinations(histories.items(), 2):
         assert value != another, f"{one}, {other}"
