@@ -288,10 +288,13 @@ def _text(file: str) -> str:
 
 
 class _Bare(ast.NodeTransformer):
-    """Takes annotations away, which nobody evaluates, and the texts of errors and docstrings."""
+    """Takes annotations away that nobody evaluates."""
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         node.returns = None
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.AnnAssign):  # those of a class are read by pydantic and dataclasses
+                inner.annotation = ast.Constant(None)
         return self.generic_visit(node)
 
     def visit_arg(self, node: ast.arg) -> ast.AST:
