@@ -226,6 +226,9 @@ def test_a_run_waits_for_a_recorder_that_is_left_behind(monkeypatch: pytest.Monk
     world.spin()
     assert len(world.bus.said("/emulation/message_log")) == 5
     assert stood < coordinator.master.tick < world.plan.graph.end_tick
+    assert coordinator._owing() == [RECORDER]
+    coordinator._recorded = 2  # three logs are no reason to blame it
+    assert coordinator._owing() == list(world.plan.modules)
 
 
 def test_a_node_leaves_only_when_all_has_come(monkeypatch: pytest.MonkeyPatch) -> None:
