@@ -312,3 +312,28 @@ def test_a_fault_of_a_node_ends_the_run_with_its_words(monkeypatch: pytest.Monke
     world.nodes["/sensor"].say_fault("it burns")
     with pytest.raises(RunError, match="node /sensor: it burns"):
         world.spin()
+
+
+@pytest.mark.parametrize("namespace", ["pm", "/pm", "pm/", "/pm/"])
+def test_a_part_of_a_run_is_a_namespace(namespace: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = World(scenario_of("qi2022"), monkeypatch).plan
+    part = plan.part(namespace)
+    assert part
+    assert part == tuple(name for name in plan.nodes if name.startswith("/pm/"))
+    assert set(plan.part("/sim")) >= {COORDINATOR, RECORDER}
+
+
+def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(scenario_of("wu2018"), monkeypatch)
+    gone = [end for end in world.bus.readers if (end.node_name, end.topic) == ("recorder", "/filtered_error")]
+    assert len(gone) == 1
+    world.bus.readers.remove(gone[0])
+    sensor = world.nodes["/sensor"]
+    assert not sensor.matched
+    assert sensor.missing() == ["/filtered_error (no subscription of /recorder)"]
+    world.bus.readers.append(gone[0])
+    assert sensor.matched
+    assert sensor.missing() == []
+    assert sensor.deserted() == []
+    world.bus.writers[:] = [end for end in world.bus.writers if end.topic != window_topic("/plant")]
+    assert sensor.deserted() == ["/plant"]
