@@ -25,7 +25,7 @@ import typer
 ROOT = Path(__file__).resolve().parent.parent
 FILES = {"scenarios": ("test_scenario_fuzz.py", 850), "bags": ("test_bag_fuzz.py", 140)}
 """The test file, and how many examples it tries by itself."""
-_TRIED = re.compile(r"- (\d+) passing examples?, (\d+) failing examples?, (\d+) invalid")
+_TRIED = re.compile(r"- (\d+) passing, (\d+) failing, and (\d+) invalid")
 _LIMIT_S = 4.0
 """Wall time a case; far more than any takes, and for the whole file a bound all the same."""
 

@@ -132,8 +132,9 @@ class FakePublisher:
 class WaitSet:
     """What the engine uses of rclpy's wait set; it never waits."""
 
-    def __init__(self, subscriptions: int, *_: Any) -> None:
+    def __init__(self, subscriptions: int, *others: Any) -> None:
         self.room = subscriptions
+        assert others[:-1] == (0, 0, 0, 0, 0)  # no guards, timers, clients, services or events
         self._handles: list[Handle] = []
 
     def clear_entities(self) -> None:

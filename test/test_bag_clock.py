@@ -52,7 +52,7 @@ def test_known_times():
 
 @pytest.mark.parametrize("step", [-1, MOST_STEPS])
 def test_a_step_out_of_range_is_refused(step):
-    with pytest.raises(ValueError, match="step"):
+    with pytest.raises(ValueError, match=r"step .* is not within 0 \.\. 999"):
         log_time_ns(0, step)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import lz4.frame
 import numpy as np
 import pytest
+import yaml
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -19,9 +20,10 @@ from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.compression import MOST_CHUNK_BYTES, expanded
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
-from etac_ros.bag.topics import TopicDescription, truth_topic
+from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.errors import BagError
+from etac_ros.scenario.load import load
 
 SIGNAL = TopicDescription("/signal", "geometry_msgs/msg/Point32", "network", "signal")
 TRUTH = truth_topic("/plant")
@@ -262,3 +264,11 @@ def test_a_directory_in_the_place_of_metadata_yaml_is_called_damaged(ours):
         Path(folder, "metadata.yaml").mkdir()
         with pytest.raises(BagError, match="is damaged"):
             read_bag(Path(folder))
+
+
+def test_a_bag_without_messages_has_no_duration(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", recorded_topics(load("wu2018").graph), {}, {"ticks_per_second": "32"}):
+        pass
+    information = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["duration"]["nanoseconds"] == 0
+    assert information["message_count"] == 0

@@ -62,6 +62,7 @@ def test_losses_do_not_follow_each_other() -> None:
 
 def test_ideal_channel_loses_and_delays_nothing() -> None:
     ideal = Channel(1, "link")
+    assert (ideal.delay_ticks, ideal.loss) == (0, 0.0)
     assert [ideal.arrivals("/a", number, 7 * number) for number in range(1, 50)] == [(7 * n,) for n in range(1, 50)]
     assert ideal.ideal
     assert not any(fates(Channel(1, "link", delay_ticks=1), "/a"))

@@ -49,9 +49,9 @@ def test_all_agree() -> None:
 
 def test_counts_of_several_senders_of_a_topic_are_added() -> None:
     _, outcome, _ = made()
-    outcome.leave_notes["/sensor"]["sent"]["/emulation/leave"] = [1, 11]  # type: ignore[index]
-    outcome.leave_notes["/plant"]["sent"]["/emulation/leave"] = [2, 30]  # type: ignore[index]
-    assert outcome.sent_by_topic()["/emulation/leave"] == (3, 41)
+    outcome.leave_notes["/sensor"]["sent"]["/emulation/leave"] = [3, 11]  # type: ignore[index]
+    outcome.leave_notes["/plant"]["sent"]["/emulation/leave"] = [1, 31]  # type: ignore[index]
+    assert outcome.sent_by_topic()["/emulation/leave"] == (4, 42)
     assert outcome.sent_by_topic()[TOPIC] == (5, 60)
 
 

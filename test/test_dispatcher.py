@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -168,3 +169,14 @@ def test_a_plant_beside_the_coordinator_may_halt_as_it_opens() -> None:
     dispatcher.on_obeyed("/plant", Report(halt="too fast"))
     assert dispatcher.finished
     assert isinstance(effects[-1], Finished)
+
+
+@pytest.mark.parametrize(("alone", "concludes"), [(True, True), (True, False), (False, True)])
+def test_who_always_fires_alike_is_not_heard(alone: bool, concludes: bool) -> None:
+    """It sends on the ports of its role, and concludes, where it is alone, on the port that its trigger decides on."""
+    module = SimpleNamespace(fires_on=("a", "b", "c"), triggers="b", concludes=concludes)
+    links = tuple(SimpleNamespace(name=f"link_{port}", port=port) for port in "dcba")
+    dispatcher: Any = object.__new__(Dispatcher)
+    dispatcher._graph = SimpleNamespace(modules={"/m": module}, sends={"/m": links})
+    concluded = ("link_b",) if alone and concludes else None
+    assert dispatcher._fires("/m", alone) == Report(("link_c", "link_b", "link_a"), concluded=concluded)

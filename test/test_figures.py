@@ -9,6 +9,7 @@ from etac_ros.errors import ScenarioError
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.metrics.figures import FigureKey, families, key_of, label
 from etac_ros.metrics.published import check_measure, held_torque, measure
+from etac_ros.metrics.summary import _payload_of
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.scenario.schema import Measure, PublishedFigure, Statistic
@@ -143,3 +144,13 @@ def test_the_graph_decides_who_is_meant() -> None:
     graph = load("qi2022").build()
     with pytest.raises(ScenarioError, match="/pm/relative_sensor"):
         check_measure(Measure(statistic=Statistic.COUNT), graph, "my.yaml")
+
+
+def test_the_payload_of_equal_content_is_that_of_the_network_with_other_sizes() -> None:
+    summary = run_in_process(load("wu2018", overrides=["duration_s=20"])).summary
+    topics = {name: topic for name, topic in summary.topics.items() if topic.kind == "network"}
+    assert len(topics) == 2
+    sizes = {name: 8.0 + place for place, name in enumerate(topics)}
+    wanted = sum(sizes[name] * topic.messages for name, topic in topics.items())
+    (first, second) = topics.values()
+    assert _payload_of(summary, sizes) == wanted == 8.0 * first.messages + 9.0 * second.messages > 0.0

@@ -127,6 +127,7 @@ def test_a_run_ends_at_its_end(tmp_path: Path) -> None:
     assert not engine.master.halted
     for plant in graph.plants:
         assert engine.recording.samples(plant)[1].shape[0] == 21
+        assert all(samples.shape[0] for _, samples in engine.recording.truth[plant])
     assert engine.master.sent["a_says"] == 1
     assert all(order.tick < 20 for order, _ in trace if isinstance(order, Fire | Deliver))
     assert all(order.grant < 20 for order, _ in trace if isinstance(order, Open | Look))

@@ -229,6 +229,9 @@ def test_a_run_waits_for_a_recorder_that_is_left_behind(monkeypatch: pytest.Monk
     world.spin()
     assert len(world.bus.said("/emulation/message_log")) == 5
     assert stood < coordinator.master.tick < world.plan.graph.end_tick
+    assert coordinator._owing() == [RECORDER]
+    coordinator._recorded = 2  # three logs are no reason to blame it
+    assert coordinator._owing() == list(world.plan.modules)
 
 
 def test_a_node_leaves_only_when_all_has_come(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,3 +315,28 @@ def test_a_fault_of_a_node_ends_the_run_with_its_words(monkeypatch: pytest.Monke
     world.nodes["/sensor"].say_fault("it burns")
     with pytest.raises(RunError, match="node /sensor: it burns"):
         world.spin()
+
+
+@pytest.mark.parametrize("namespace", ["pm", "/pm", "pm/", "/pm/"])
+def test_a_part_of_a_run_is_a_namespace(namespace: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = World(scenario_of("qi2022"), monkeypatch).plan
+    part = plan.part(namespace)
+    assert part
+    assert part == tuple(name for name in plan.nodes if name.startswith("/pm/"))
+    assert set(plan.part("/sim")) >= {COORDINATOR, RECORDER}
+
+
+def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(scenario_of("wu2018"), monkeypatch)
+    gone = [end for end in world.bus.readers if (end.node_name, end.topic) == ("recorder", "/filtered_error")]
+    assert len(gone) == 1
+    world.bus.readers.remove(gone[0])
+    sensor = world.nodes["/sensor"]
+    assert not sensor.matched
+    assert sensor.missing() == ["/filtered_error (no subscription of /recorder)"]
+    world.bus.readers.append(gone[0])
+    assert sensor.matched
+    assert sensor.missing() == []
+    assert sensor.deserted() == []
+    world.bus.writers[:] = [end for end in world.bus.writers if end.topic != window_topic("/plant")]
+    assert sensor.deserted() == ["/plant"]

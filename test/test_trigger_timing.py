@@ -77,3 +77,59 @@ def test_the_keys_stand_beside_those_of_the_rule(small: Small) -> None:
 def test_times_that_make_no_sense_are_refused(keys: str, words: str, small: Small) -> None:
     with pytest.raises(ScenarioError, match=words):
         load(str(small((RULE, RULE.replace("}", f", {keys}}}")))))
+
+
+class Asked:
+    """Never fires, and keeps what it was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[list[float], int, int | None]] = []
+        self.margin = rule.margin
+
+    def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
+        self.asked.append((signals[:, 0].tolist(), tick, held_tick))
+        return -1
+
+
+class Adding:
+    """Fires on what is positive; its memory is the sum of all that it has seen."""
+
+    margin = rule.margin
+
+    def initial_memory(self) -> FloatArray:
+        return np.zeros(1)
+
+    def fold(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int, memory: FloatArray):  # type: ignore[no-untyped-def]
+        return signals[:, 0] > 0.0, memory + np.cumsum(signals, axis=0)
+
+
+def test_the_rule_is_asked_about_the_samples_that_may_fire_with_their_tick() -> None:
+    asked = Asked()
+    around = timed(asked, RuleTiming(least_interval_s=0.5), TICKS_PER_SECOND)  # type: ignore[arg-type]
+    signals = np.arange(4.0)[:, np.newaxis]
+    for tick in (11, 12, 14, 15, 20):
+        around.first(signals, tick, np.zeros(1), 10)  # type: ignore[union-attr]
+    # At tick 11 none of the four may fire yet.
+    assert asked.asked == [
+        ([3.0], 15, 10),
+        ([1.0, 2.0, 3.0], 15, 10),
+        ([0.0, 1.0, 2.0, 3.0], 15, 10),
+        ([0.0, 1.0, 2.0, 3.0], 20, 10),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("times", "expected"),
+    [
+        ({"least_interval_s": 0.3}, [False, False, True, False, True]),
+        ({"longest_silence_s": 0.4}, [True, False, True, True, True]),
+        ({"least_interval_s": 0.3, "longest_silence_s": 0.4}, [False, False, True, True, True]),
+    ],
+)
+def test_a_rule_with_memory_keeps_the_times_and_its_memory(times: dict[str, float], expected: list[bool]) -> None:
+    around = timed(Adding(), RuleTiming(**times), TICKS_PER_SECOND)  # type: ignore[arg-type]
+    signals = np.array([1.0, 0.0, 1.0, 0.0, 1.0])[:, np.newaxis]
+    # The first sample is one tick after what is held.
+    fires, memories = around.fold(signals, 21, np.zeros(1), 20, around.initial_memory())  # type: ignore[union-attr]
+    assert fires.tolist() == expected
+    assert memories.ravel().tolist() == [1.0, 1.0, 2.0, 2.0, 3.0]
