@@ -6,7 +6,7 @@ import pytest
 
 from etac_ros.errors import ScenarioError
 from etac_ros.metrics.figures import FigureKey
-from etac_ros.metrics.published import stands_beside_paper
+from etac_ros.metrics.published import for_others, stands_beside_paper
 from etac_ros.metrics.summary import Summary, Topic, Totals, with_measured
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
@@ -71,3 +71,10 @@ def test_bytes_are_compared_as_sent_and_at_equal_content() -> None:
     alike = with_measured(torques, summary_of(some, 2000, 12))
     assert alike.value("reduction_percent") == pytest.approx(89.5)
     assert alike.value("equal_content_reduction_percent") is None
+
+
+def test_a_changed_scenario_is_given_away_without_the_papers_figures() -> None:
+    changed, unchanged = load("wu2018", None, ["sensor.trigger.alpha=0.4"]), load("wu2018")
+    assert for_others(changed).published == {}
+    assert for_others(changed).digest == changed.digest
+    assert for_others(unchanged).published == unchanged.published
