@@ -18,7 +18,7 @@ from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.count_check import check_outcome
 from etac_ros.engines.ros.messages import decode, decode_truth, decode_window, message_type
-from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
@@ -324,6 +324,7 @@ def test_a_part_of_a_run_is_a_namespace(namespace: str, monkeypatch: pytest.Monk
     assert part
     assert part == tuple(name for name in plan.nodes if name.startswith("/pm/"))
     assert set(plan.part("/sim")) >= {COORDINATOR, RECORDER}
+    assert not Plan("x", "y", plan.graph, plan.windows).record_windows
 
 
 def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
