@@ -175,8 +175,8 @@ NAMED: tuple[tuple[str, str, str, str, str], ...] = (
     ),
     (
         "energy is blind to loss", "graph/replay.py",
-        "arrival = link.channel.arrival(receiver, message.sequence, message.tick)",
-        "arrival = message.tick + link.channel.delay_ticks",
+        "for arrival in way.arrivals(message.sequence, sent):",
+        "for arrival in (sent + link.channel.delay_ticks,):",
         "test_replay.py",
     ),
     (
