@@ -58,6 +58,7 @@ setup(
     ],
     extras_require={
         "cluster": ["distributed"],
+        "mutation": ["cosmic-ray"],
         "test": [
             "colcon-common-extensions",
             "distributed",

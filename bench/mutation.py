@@ -1,6 +1,6 @@
 """How many small changes of the code the tests notice: cosmic-ray's mutants of the rooms that carry the promises.
 
-    .venv/bin/python -m pip install cosmic-ray              # only this needs it: the extra "mutation" of setup.py
+    .venv/bin/python -m pip install -e .[mutation]          # only this needs cosmic-ray
     ./scripts/bench mutation                                # a sample of each file, about 25 minutes of one core
     ./scripts/bench mutation --named                        # the changes that have a name, one by one; a minute
     ./scripts/bench mutation --only timing --most 1000      # all mutants of some files
@@ -247,7 +247,7 @@ def mutants_of(file: str, most: int, seed: int) -> tuple[int, list[Mutant]]:
         from cosmic_ray.mutating import mutate_code
         from cosmic_ray.plugins import get_operator, operator_names
     except ImportError:
-        raise SystemExit("cosmic-ray is missing here: .venv/bin/python -m pip install cosmic-ray") from None
+        raise SystemExit("cosmic-ray is missing here: .venv/bin/python -m pip install -e .[mutation]") from None
 
     text = _text(file)
     nodes = list(ast_nodes(get_ast(text)))

@@ -113,7 +113,7 @@ def silent(patch: pytest.MonkeyPatch, name: str, *overrides: str, variant: str |
     return one
 
 
-@pytest.mark.parametrize(("name", "named"), [("/sensor", "/sensor"), ("/actuator", "/actuator, /sensor")])
+@pytest.mark.parametrize(("name", "named"), [("/sensor", "/sensor"), ("/actuator", "/actuator")])
 def test_who_owes_an_answer_is_named(name: str, named: str, monkeypatch: pytest.MonkeyPatch) -> None:
     one = silent(monkeypatch, name, "duration_s=100")
     assert one.coordinator.stop is None

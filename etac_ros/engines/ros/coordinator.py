@@ -309,13 +309,14 @@ class CoordinatorNode(RunNode):
         self._on_progress(self.master.tick, self.master.fired)
 
     def _owing(self) -> list[str]:
-        """Who owes a report; if a plant waits for a message, those who should send it."""
-        owing: set[str] = set()
-        for name in self._dispatcher.owing():
-            plant = self._plants.get(name)
-            missing = plant.worker.waits_for().messages if plant is not None else ()
-            owing |= {self.plan.graph.links[message.link].sender for message in missing} or {name}
-        return sorted(owing) or ([RECORDER] if self._logs - self._recorded >= _LOGS_AHEAD else list(self.plan.modules))
+        """Who owes a report; if a plant waits for a message, those who should send it.
+
+        Then whoever else has not reported is innocent: it waits for the window that this plant cannot open yet.
+        """
+        owing = self._dispatcher.owing()
+        waiting = [self._plants[name].worker.waits_for() for name in owing if name in self._plants]
+        senders = {self.plan.graph.links[message.link].sender for each in waiting for message in each.messages}
+        return sorted(senders) or owing or ([RECORDER] if self._logs - self._recorded >= _LOGS_AHEAD else list(self.plan.modules))
 
     def _seconds(self) -> float:
         return self.master.tick / self.plan.graph.ticks_per_second
