@@ -316,7 +316,8 @@ class CoordinatorNode(RunNode):
         owing = self._dispatcher.owing()
         waiting = [self._plants[name].worker.waits_for() for name in owing if name in self._plants]
         senders = {self.plan.graph.links[message.link].sender for each in waiting for message in each.messages}
-        return sorted(senders) or owing or ([RECORDER] if self._logs - self._recorded >= _LOGS_AHEAD else list(self.plan.modules))
+        behind = [RECORDER] if self._logs - self._recorded >= _LOGS_AHEAD else list(self.plan.modules)
+        return sorted(senders) or owing or behind
 
     def _seconds(self) -> float:
         return self.master.tick / self.plan.graph.ticks_per_second
