@@ -159,6 +159,32 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
     return run
 
 
+def baseline_summary(scenario: Scenario, known: dict[str, Summary | None]) -> Summary | None:
+    """What a run's own baseline did, by calls.
+
+    Parameters
+    ----------
+    scenario
+        The run whose baseline it is.
+    known
+        Those that have been run already, by digest; many variants share one.
+
+    Returns
+    -------
+    Summary or None
+        None where the run has no baseline, or a watch ended it.
+    """
+    baseline = baseline_of(scenario)
+    if baseline is None:
+        return None
+    if baseline.digest not in known:
+        try:
+            known[baseline.digest] = run_in_process(baseline).summary
+        except RunHalted:
+            known[baseline.digest] = None
+    return known[baseline.digest]
+
+
 def simulate(scenario: Scenario) -> Run:
     """Run a scenario by calls, and do nothing else: for many runs of scenarios that have been checked and warmed up.
 

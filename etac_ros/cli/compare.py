@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.progress import track
 
-from etac_ros.errors import RunHalted, ScenarioError
+from etac_ros.errors import ScenarioError
 from etac_ros.metrics.cells import BAND, falls_short, paper_cells
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
-from etac_ros.runs import run_in_process
-from etac_ros.scenario.load import Scenario, baseline_of, load
+from etac_ros.runs import baseline_summary, run_in_process
+from etac_ros.scenario.load import Scenario, load
 from etac_ros.tables.numbers import number, optional
 from etac_ros.tables.table import Row, Table
 from etac_ros.tables.terminal import show
@@ -45,7 +45,7 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
     scenarios = [load(name, variant, overrides) for variant in chosen]
     baselines: dict[str, Summary | None] = {}
     summaries = [
-        with_measured(run_in_process(one).summary, _baseline(one, baselines))
+        with_measured(run_in_process(one).summary, baseline_summary(one, baselines))
         for one in track(scenarios, f"{scenario.name}: running variants", console=console, transient=True)
     ]
     console.print(f"\n{scenario.run.title or scenario.name}: variants beside each other", style="bold")
@@ -63,19 +63,6 @@ def compare(name: str, variants: Sequence[str], overrides: Sequence[str], consol
     if traffic is not None:
         console.print("\nwhat crosses the network, and what stays inside each namespace (messages / payload bytes)")
         show(traffic, console)
-
-
-def _baseline(scenario: Scenario, known: dict[str, Summary | None]) -> Summary | None:
-    """What a variant's own baseline did; many variants share one. None where a watch ended it, or there is none."""
-    baseline = baseline_of(scenario)
-    if baseline is None:
-        return None
-    if baseline.digest not in known:
-        try:
-            known[baseline.digest] = run_in_process(baseline).summary
-        except RunHalted:
-            known[baseline.digest] = None
-    return known[baseline.digest]
 
 
 def _figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) -> Table:

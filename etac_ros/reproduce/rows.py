@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from etac_ros.errors import RunHalted
 from etac_ros.metrics.figures import FigureKey, label
 from etac_ros.metrics.summary import PublishedValue, Summary, published_values, with_measured
 from etac_ros.metrics.verdict import Judgement, Verdict
 from etac_ros.reproduce.variants import title_of
-from etac_ros.runs import RosOptions, run_in_process, run_over_ros
-from etac_ros.scenario.load import Scenario, baseline_of
+from etac_ros.runs import RosOptions, baseline_summary, run_in_process, run_over_ros
+from etac_ros.scenario.load import Scenario
 
 Say = Callable[[str], None]
 Baselines = dict[str, Summary | None]
@@ -87,20 +86,7 @@ def _measured(scenario: Scenario, engine: str, folder: Path, baselines: Baseline
         summary = run_over_ros(scenario, folder / title_of(scenario).replace(" ", "_"), RosOptions()).summary
     else:
         summary = run_in_process(scenario).summary
-    return with_measured(summary, _baseline(scenario, baselines))
-
-
-def _baseline(scenario: Scenario, known: Baselines) -> Summary | None:
-    """What the run's own baseline did; None where it has none, or a watch ended it."""
-    baseline = baseline_of(scenario)
-    if baseline is None:
-        return None
-    if baseline.digest not in known:
-        try:
-            known[baseline.digest] = run_in_process(baseline).summary
-        except RunHalted:
-            known[baseline.digest] = None
-    return known[baseline.digest]
+    return with_measured(summary, baseline_summary(scenario, baselines))
 
 
 def _row(scenario: Scenario, figure: PublishedValue, measured: float | None, of_formation: bool) -> Row:
