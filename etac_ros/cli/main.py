@@ -72,6 +72,10 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    state_rate: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
+    ] = None,
     quiet_s: QuietS = QUIET_S,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -81,7 +85,7 @@ def run(
     request = RunRequest(
         scenario,
         variant,
-        tuple(set_ or ()),
+        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
         engine.value,
         processes.value,
         baseline,
