@@ -15,6 +15,7 @@ from typing import Any
 from etac_ros import __version__
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
@@ -144,6 +145,23 @@ def state_streams(scenario: Scenario) -> StateStreams | None:
     """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none."""
     rate_hz = scenario.run.state_rate_hz
     return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz)
+
+
+def layouts_of(scenario: Scenario) -> dict[str, str]:
+    """Layouts for bags of a scenario's runs, by file name: for Foxglove, and for PlotJuggler.
+
+    Raises
+    ------
+    ScenarioError
+        If its bags show no state.
+    """
+    state = state_streams(scenario)
+    if state is None:
+        raise ScenarioError("state_rate_hz", "is 0, so its bags show no state", "a rate, or no such key")
+    return {
+        f"{scenario.name}.foxglove.json": foxglove(scenario.graph, state.topics),
+        f"{scenario.name}.plotjuggler.xml": plotjuggler(scenario.graph, state.topics),
+    }
 
 
 def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:

@@ -267,6 +267,24 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
     typer.echo(for_others(loaded).text, nl=False)
 
 
+@app.command()
+def layout(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    output: Annotated[Path, typer.Option(help="Folder for the files; made if it is not there.")] = Path("."),
+) -> None:
+    """Write layouts for Foxglove and PlotJuggler that fit the bags of a scenario; share/ has those of our own."""
+    from etac_ros.runs import layouts_of
+    from etac_ros.scenario.load import load
+
+    texts = layouts_of(load(scenario, variant, set_ or ()))
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (output / name).write_text(text, encoding="utf-8")
+        typer.echo(f"layout: {output / name}")
+
+
 @app.command("list")
 def list_() -> None:
     """List the scenarios and their variants."""
