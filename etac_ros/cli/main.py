@@ -72,6 +72,10 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    state_rate: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
+    ] = None,
     quiet_s: QuietS = QUIET_S,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -81,7 +85,7 @@ def run(
     request = RunRequest(
         scenario,
         variant,
-        tuple(set_ or ()),
+        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
         engine.value,
         processes.value,
         baseline,
@@ -261,6 +265,24 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
     for note in loaded.rounded:
         typer.echo(f"# {note}")
     typer.echo(for_others(loaded).text, nl=False)
+
+
+@app.command()
+def layout(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    output: Annotated[Path, typer.Option(help="Folder for the files; made if it is not there.")] = Path("."),
+) -> None:
+    """Write layouts for Foxglove and PlotJuggler that fit the bags of a scenario; share/ has those of our own."""
+    from etac_ros.runs import layouts_of
+    from etac_ros.scenario.load import load
+
+    texts = layouts_of(load(scenario, variant, set_ or ()))
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (output / name).write_text(text, encoding="utf-8")
+        typer.echo(f"layout: {output / name}")
 
 
 @app.command("list")

@@ -157,6 +157,10 @@ class RigidBody:
         seen[:, 4:7] = states[:, 4:7] + errors[:, 3:6]
         return seen
 
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return states[:, 0:4]
+
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad], shape (n, 3)."""
         return to_euler_321(states[:, 0:4])

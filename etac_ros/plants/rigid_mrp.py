@@ -21,6 +21,7 @@ from etac_ros.maths.mrp import (
     mrp_rate,
     mrp_rotation_angle,
     mrp_to_euler_321,
+    mrp_to_quaternion,
     omega_of_mrp_rate,
     switch_shadow,
 )
@@ -178,6 +179,10 @@ class RigidMrp:
         """
         result: FloatArray = _errors(np.ascontiguousarray(states), tick, self._reference, self._ticks_per_second)
         return result
+
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return mrp_to_quaternion(states[:, self.attitude_slice])
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad] of states or of :meth:`errors`, shape (n, 3)."""
