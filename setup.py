@@ -38,6 +38,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/etac_ros"]),
         ("share/etac_ros", ["package.xml"]),
         ("share/etac_ros/config", sorted(glob("config/*.yaml"))),
+        ("share/etac_ros/layouts", sorted(glob("share/*"))),
         ("share/etac_ros/launch", sorted(glob("launch/*.launch.py"))),
     ],
     install_requires=[

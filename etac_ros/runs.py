@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from etac_ros import __version__
-from etac_ros.bag.definitions import schema_text
+from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
+from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
 from etac_ros.engines.inprocess import InProcess
@@ -125,12 +127,41 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
     }
 
 
-def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> RunBag:
-    """Create the bag of a run, with the complete parameter file inside."""
+def open_bag(
+    scenario: Scenario,
+    directory: Path,
+    engine: str,
+    extra: tuple[TopicDescription, ...] = (),
+    state: StateStreams | None = None,
+) -> RunBag:
+    """Create the bag of a run, with the complete parameter file inside, given what shows the state of its bodies."""
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
     derive_with = scenario.build() if foreign_classes(scenario.classes) else None
-    return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
+    return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with, state)
+
+
+def state_streams(scenario: Scenario) -> StateStreams | None:
+    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none."""
+    rate_hz = scenario.run.state_rate_hz
+    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz)
+
+
+def layouts_of(scenario: Scenario) -> dict[str, str]:
+    """Layouts for bags of a scenario's runs, by file name: for Foxglove, and for PlotJuggler.
+
+    Raises
+    ------
+    ScenarioError
+        If its bags show no state.
+    """
+    state = state_streams(scenario)
+    if state is None:
+        raise ScenarioError("state_rate_hz", "is 0, so its bags show no state", "a rate, or no such key")
+    return {
+        f"{scenario.name}.foxglove.json": foxglove(scenario.graph, state.topics),
+        f"{scenario.name}.plotjuggler.xml": plotjuggler(scenario.graph, state.topics),
+    }
 
 
 def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
@@ -214,7 +245,8 @@ def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None)
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
-        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments, derive_with)
+        metadata = bag_metadata(scenario, "inprocess")
+        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
     summary = summarise(
         scenario,
         graph,
@@ -340,8 +372,12 @@ def run_over_ros(
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
-    for topic in (*recorded_topics(graph), *extra):
-        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
+    state = state_streams(scenario)
+    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
+        (
+            schema_text(topic.type_name),
+            type_hash(topic.type_name),
+        )  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain)
     try:
         with SignalGuard() as guard:
@@ -350,7 +386,7 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda: open_bag(scenario, bag, "ros", extra),
+                lambda: open_bag(scenario, bag, "ros", extra, state),
                 on_progress,
                 on_start,
                 guard,

@@ -175,6 +175,7 @@ class Sink:
     bus: Bus
     written: list[tuple[str, bytes, int, int, int]] = field(default_factory=list)
     placed: list[int] = field(default_factory=list)
+    safe: int = 0
     closed: int = 0
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
@@ -184,6 +185,9 @@ class Sink:
     def placed_until(self, tick_time_ns: int) -> None:
         assert not self.closed
         self.placed.append(tick_time_ns)
+
+    def secure(self) -> None:
+        self.safe = len(self.written)
 
     def close(self) -> None:
         self.closed += 1

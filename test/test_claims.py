@@ -5,6 +5,9 @@ from __future__ import annotations
 import claims
 import pytest
 
+from etac_ros.metrics.stored import stored_sweep
+from etac_ros.scenario.load import load
+
 ALL, QUOTES = claims.read()
 FAST = [claim for claim in ALL if not claim.slow]
 
@@ -46,3 +49,17 @@ def test_a_number_without_a_claim_is_found() -> None:
 )
 def test_a_value_rounds_to_what_is_printed(value: float, printed: str, holds: bool) -> None:
     assert claims.rounds_to(value, printed) == holds
+
+
+def test_what_is_said_of_all_dispersed_starts_is_so() -> None:
+    """shi2022: of a spread without any width, the mean is what each of them gave."""
+    scenario = load("shi2022")
+    figure = scenario.published["min_interval_s"]
+    assert "all dispersed starts have a longer one" in figure.reason
+    sweep = stored_sweep(scenario)
+    assert sweep is not None
+    spread = sweep.figures["min_interval_s"].spread
+    assert spread is not None
+    assert spread.runs == sweep.runs
+    assert spread.sd < 1e-9
+    assert spread.mean > figure.value

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from etac_ros.bag.definitions import OFFERED_QOS, type_hash
+from etac_ros.bag.definitions import offered_qos, type_hash
 from etac_ros.bag.topics import TopicDescription
 from etac_ros.errors import BagError
 
@@ -17,7 +17,8 @@ FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
 _MOST_BYTES = 4 * 1024 * 1024
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""That of libyaml, where it is there: it takes a tenth of the time, and has a limit of depth."""
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""Those of libyaml, where they are there: they take a tenth of the time, and the loader has a limit of depth."""
 
 
 def bag_information(
@@ -55,7 +56,7 @@ def bag_information(
                     "name": topic.name,
                     "type": topic.type_name,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": OFFERED_QOS,
+                    "offered_qos_profiles": offered_qos(topic.latched),
                     "type_description_hash": type_hash(topic.type_name),
                 },
                 "message_count": count,
@@ -111,6 +112,6 @@ def read_counts(directory: Path) -> dict[str, int]:
         raise BagError(str(path), "is damaged", "the metadata of a rosbag2 bag", remedy) from None
 
 
-class _WithoutAnchors(yaml.SafeDumper):
+class _WithoutAnchors(_DUMPER):  # type: ignore[misc]  # one of two classes
     def ignore_aliases(self, data: Any) -> bool:
         return True

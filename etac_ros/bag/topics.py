@@ -10,15 +10,18 @@ from etac_ros.graph import topics
 from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.wire import TABLE_TYPE
 
-TopicKind = Literal["network", "internal", "physical", "emulation", "derived"]
-"""The kinds of link, ``emulation`` for what only the simulation needs, and ``derived`` for what was computed of truth
-while it was recorded, and never sent."""
+TopicKind = Literal["network", "internal", "physical", "emulation", "derived", "state"]
+"""The kinds of link, ``emulation`` for what only the simulation needs, and two for what was computed of truth while it
+was recorded, and never sent: ``derived`` is for our own readers, ``state`` for everybody's (:mod:`etac_ros.bag.state`).
+"""
 
 _KIND_OF_LINK: dict[LinkKind, TopicKind] = {
     LinkKind.NETWORK: "network",
     LinkKind.INTERNAL: "internal",
     LinkKind.PHYSICAL: "physical",
 }
+SHAPE = "shape"
+"""Last word of the topic that shows what a body looks like."""
 AIR = "the air"
 """Of what the fates of frames are derived, where others have the name of a node."""
 _KIND, _LINK, _PLANT, _DERIVED = "etac_ros.kind", "etac_ros.link", "etac_ros.plant", "etac_ros.derived"
@@ -48,6 +51,11 @@ class TopicDescription:
     link: str | None = None
     plant: str | None = None
     derived: str | None = None
+
+    @property
+    def latched(self) -> bool:
+        """Whether late subscribers need its messages too: what is said once at the start of a run."""
+        return self.kind == "state" and (self.name == topics.TF_STATIC or self.name.endswith(f"/{SHAPE}"))
 
 
 def link_topic(link: Link) -> TopicDescription:

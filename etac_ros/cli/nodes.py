@@ -17,7 +17,7 @@ from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, RunError, ScenarioError
-from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
+from etac_ros.runs import free_bag_directory, open_bag, state_streams, warm_up, windows_of
 from etac_ros.scenario.load import Scenario, load_files
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = Host(plan, [name], lambda: open_bag(scenario, directory, "ros"))
+    host = Host(plan, [name], lambda: open_bag(scenario, directory, "ros", (), state_streams(scenario)))
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)

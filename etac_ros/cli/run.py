@@ -14,6 +14,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
+from etac_ros.cli.interrupts import keeping
+from etac_ros.cli.outputs import check_output, write_output
+from etac_ros.cli.progress import progress_console, steps
 from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
@@ -30,9 +33,6 @@ from etac_ros.runs import (
     warm_up,
 )
 from etac_ros.scenario.load import Scenario, baseline_of, load
-
-STANDARD_OUTPUT = "-"
-"""The name of the file that --json takes for it."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
             return
     if request.bag is not None:
         check_writable(request.bag)
-    if request.json is not None:
-        _check_json(request.json)
+    check_output("--json", request.json)
     other = _baseline_of(scenario, console)
     for note in (*scenario.notes, *(() if other is None else other.overruled)):
         console.print(note, soft_wrap=True)
@@ -77,16 +76,17 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if bag is None and request.engine == "ros":
         bag = free_bag_directory(scenario)
     try:
-        with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
-            warm_up(scenario)
-        baseline = None if other is None else _run_baseline(other, request, bag, console)
-        run = _run(scenario, request, bag, console)
+        with keeping(lambda: _kept(bag)):
+            with steps(console, f"{scenario.name}: compiling kernels, seconds the first time"):
+                warm_up(scenario)
+            baseline = None if other is None else _run_baseline(other, request, bag, console)
+            run = _run(scenario, request, bag, console)
     finally:
         if bag is not None:
             release(bag)
     summary = with_measured(run.summary, None if baseline is None else baseline.summary)
     if request.json is not None:  # before the tables: whoever reads those may stop reading
-        _write_json(request.json, summary.model_dump_json(indent=2) + "\n")
+        write_output("--json", request.json, summary.model_dump_json(indent=2) + "\n")
     show_summary(scenario, summary, console)
     if request.json is not None:
         console.print(f"summary: {request.json}", soft_wrap=True)
@@ -116,25 +116,11 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
         return None
 
 
-def _check_json(path: Path) -> None:
-    """Refuse what the summary could not be written to, before the run instead of after it."""
-    if str(path) == STANDARD_OUTPUT:
-        return
-    where = f"--json {path}"
-    if path.is_dir():
-        raise ScenarioError(where, "is a directory", "a file")
-    if not path.parent.is_dir():
-        raise ScenarioError(where, f"there is no folder {path.parent}")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ScenarioError(where, "may not be written to", "a file that may be written")
-
-
-def _write_json(path: Path, text: str) -> None:
-    if str(path) == STANDARD_OUTPUT:
-        sys.stdout.buffer.write(text.encode())  # UTF-8, as JSON is, whatever the terminal has
-        sys.stdout.buffer.flush()
-    else:
-        path.write_text(text, encoding="utf-8")
+def _kept(bag: Path | None) -> str:
+    """What an interrupt leaves of a run."""
+    if bag is None or not any(bag.glob("*.mcap")):
+        return "no bag was begun; the same command begins anew"
+    return f"what had happened until then is in {bag}, which is readable (etac info, etac report)"
 
 
 def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
@@ -165,7 +151,8 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         TextColumn("{task.completed:.0f}/{task.total:.0f} s simulated"),
         TextColumn("{task.fields[note]}"),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    shown = progress_console(console)
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task(scenario.name, total=scenario.run.duration_s, note="joining")
         began = time.perf_counter()
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, first_broken, shown
+from etac_ros.graph.promises import Component, check_state_size, first_broken, shown
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import LawOfEvents, LawWithMemory
 from etac_ros.modules.hold import Hold
@@ -80,6 +80,7 @@ class SensingController(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensing controller needs a plant, named by the key 'reads'")
+        check_state_size(law, context.plant)
         self.outputs = {"command": law.command_size}
         self.law = law
         self.trigger = trigger

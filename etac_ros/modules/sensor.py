@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, first_broken
+from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
@@ -81,6 +81,7 @@ class Sensor(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensor needs a plant, named by the key 'reads'")
+        check_state_size(signal, context.plant)
         self._sends_other = hasattr(signal, "sent")
         if self._sends_other and not hasattr(signal, "sent_size"):
             raise ValueError(f"{type(signal).__name__} has 'sent' and no 'sent_size'")

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component
+from etac_ros.graph.promises import Component, check_state_size
 from etac_ros.graph.role import Acts, Role
 from etac_ros.laws.law import RelativeSignal, TickArray, WatchedLaw
 from etac_ros.modules.hold import Hold
@@ -76,6 +76,12 @@ class RelativeSensor(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a relative sensor needs a plant to read")
+        check_state_size(measurement, context.plant)
+        if law.signal_size != measurement.size:
+            raise ValueError(
+                f"{type(law).__name__} takes {law.signal_size} components, "
+                f"and {type(measurement).__name__} has {measurement.size}"
+            )
         self.measurement = measurement
         self.law = law
         self.trigger = trigger

@@ -161,7 +161,7 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         plane={
             topic.name: (topic.type_name, count.messages, count.cdr_bytes)
             for topic, count in found.topics.items()
-            if topic.link is None and topic.derived is None
+            if topic.kind == "emulation"
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,14 @@ class ReportError(EtacError):
     """A report cannot be written."""
 
 
-def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = None, *, trust: bool = False) -> Path:
+def write_report(
+    bag: Path,
+    others: Sequence[Path] = (),
+    output: Path | None = None,
+    *,
+    trust: bool = False,
+    say: Callable[[str], None] = lambda step: None,
+) -> Path:
     """Draw a report from bags alone: one PNG file a figure, and one page that holds them all.
 
     Parameters
@@ -40,6 +47,8 @@ def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = N
     trust
         Whether to import classes that are not of etac_ros, if the scenario in a bag names any: that runs their code.
         Without them the report leaves out what only they can tell.
+    say
+        Told what is being done.
 
     Returns
     -------
@@ -62,6 +71,7 @@ def write_report(bag: Path, others: Sequence[Path] = (), output: Path | None = N
         drawn = []
         for kind in FIGURES:
             if kind.applies(view):
+                say(f"{bag}: drawing {kind.name}")
                 drawn.append(_drawn(kind, view))
                 (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
         path = folder / PAGE

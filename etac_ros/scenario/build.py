@@ -13,7 +13,7 @@ from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
-from etac_ros.graph.topics import EMULATION
+from etac_ros.graph.topics import EMULATION, STATE, is_taken
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.maths.ticks import ticks_in, whole_ticks
 from etac_ros.modules.actuator import Actuator
@@ -272,6 +272,11 @@ def _link(
     topic = section.topic or f"{namespace}{sender.rpartition('/')[0]}/{name}"
     if not _TOPIC.fullmatch(topic):
         raise ScenarioError(f"{where}.topic", f"'{topic}' is no ROS topic", "letters, digits and _ between /")
+    if is_taken(topic):
+        found = f"{topic} is where a bag shows the state of bodies"
+        raise ScenarioError(
+            f"{where}.topic", found, f"a topic that is not below {STATE}, and neither /tf nor /tf_static"
+        )
     try:
         wire = Wire(_format(section, run), size)
     except ValueError as error:

@@ -27,7 +27,17 @@ from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
-_BEARS_NOT = {"published", "title", "baseline", "compare", "windows", "variant", "dispersion", "tradeoff"}
+_BEARS_NOT = {
+    "published",
+    "title",
+    "baseline",
+    "compare",
+    "windows",
+    "state_rate_hz",
+    "variant",
+    "dispersion",
+    "tradeoff",
+}
 """Keys of the run that bear on no result."""
 _NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 

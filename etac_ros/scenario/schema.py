@@ -355,6 +355,11 @@ class RunSection(Parameters):
     seed: NonNegativeInt = 0
     wire: WireFormat = WireFormat.COMPACT
     windows: WindowSection = WindowSection()
+    state_rate_hz: NonNegativeFloat | None = Field(
+        default=None,
+        description="samples of attitude, rate and torque that a bag shows a simulated second; 0: none; default: "
+        "about five hundred a run",
+    )
     links: dict[str, LinkSection]
     media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
     steady_from_s: float | None = Field(
