@@ -60,6 +60,17 @@ CASES: list[tuple[str, str, list[str]]] = [
     ("qi2022", "radio", ["duration_s=2"]),
     ("xie2021", "bad-radio", ["duration_s=3"]),
     ("flexible", "bad-radio", ["duration_s=60"]),
+    # Acknowledged, with and without a medium.
+    ("qi2022", "case1", ["duration_s=2", "links.relative={delay_ticks: 1, loss: 0.2, acknowledged: {timeout_s: 0.1}}"]),
+    (
+        "wu2018",
+        "bad-radio",
+        [
+            "duration_s=200",
+            "links.filtered_error.acknowledged={timeout_s: 0.05}",
+            "links.torque_command.acknowledged={timeout_s: 0.05}",
+        ],
+    ),
     # Overtaken, twice, and in bursts.
     (
         "flexible",

@@ -80,7 +80,7 @@ AIR_TOPIC = TopicDescription(topics.AIR, TABLE_TYPE, "derived", derived=AIR)
 def recorded_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     """Describe what every bag of a graph holds: its links, the truth of its plants, and what happened on media."""
     links = tuple(link_topic(link) for link in graph.links.values())
-    air = (AIR_TOPIC,) if graph.media else ()
+    air = (AIR_TOPIC,) if graph.media or graph.acknowledged else ()
     return links + tuple(truth_topic(plant) for plant in graph.plants) + air
 
 

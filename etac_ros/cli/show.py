@@ -11,12 +11,14 @@ from rich.console import Console
 from etac_ros.bag.describe import describe
 from etac_ros.bag.recover import recover
 from etac_ros.metrics.cells import (
+    ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE_SHORT,
     WATCHED,
+    acknowledgement_account_cells,
     falls_short,
     link_account_cells,
     medium_account_cells,
@@ -153,6 +155,10 @@ def _accounts(summary: Summary) -> list[Table]:
         rows = tuple(Row((name, *link_account_cells(account))) for name, account in summary.links.items())
         note = "each message counted for each receiver; age: of the newest information, mean and peak"
         tables.append(Table("", ("link", *LINK_ACCOUNT), rows, (note,)))
+        told = {name: one.acknowledgement for name, one in summary.links.items() if one.acknowledgement is not None}
+        if told:
+            rows = tuple(Row((name, *acknowledgement_account_cells(account))) for name, account in told.items())
+            tables.append(Table("", ("link", *ACKNOWLEDGEMENT_ACCOUNT), rows))
     if summary.media:
         rows = tuple(Row((name, *medium_account_cells(account))) for name, account in summary.media.items())
         tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
 
+from etac_ros.graph.acknowledged import Event
 from etac_ros.media.frame import Fate, Outcome
 from etac_ros.parameters import FloatArray
 
@@ -43,6 +45,8 @@ class Recording:
     _landed: tuple[int, dict[str, dict[int, int]]] | None = field(default=None, repr=False, compare=False)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
     """By plant: how many chunks there were when they were last joined, and all their samples."""
+    _conversations: dict[str, tuple[int, int, list[Event]]] = field(default_factory=dict, repr=False, compare=False)
+    """By acknowledged link: how many fates and messages there were when it was last replayed, and what came of it."""
 
     def digest(self) -> str:
         """A number for all that happened, to the last bit: the same for two runs only if they are the same."""
@@ -68,6 +72,14 @@ class Recording:
                     by_link.setdefault(fate.link, {})[fate.sequence] = fate.landed_ns
             self._landed = len(self.air), by_link
         return self._landed[1].get(link, {})
+
+    def remembered(self, link: str, make: Callable[[], list[Event]]) -> list[Event]:
+        """What happened on an acknowledged link, made once."""
+        seen = len(self.air), len(self.messages[link])
+        known = self._conversations.get(link)
+        if known is None or known[:2] != seen:
+            known = self._conversations[link] = (*seen, make())
+        return known[2]
 
     def samples(self, plant: str) -> tuple[int, FloatArray]:
         """All committed samples of a plant: the tick of the first, and an array of shape (n, states).

@@ -85,6 +85,8 @@ class SensingController(Module):
         self.law = law
         self.trigger = trigger
         self._component = Component(context.name, law)
+        # What events do to such a law is replayed from its samples alone, so they must not wait for the network.
+        self.hears_acknowledgements = not isinstance(law, LawOfEvents)
         self.hold = Hold(self, "command", trigger)
         memory = law.initial_memory(context.plant.initial_state())
         self._committed = _Committed(-1, np.zeros(law.command_size), memory)
@@ -137,6 +139,10 @@ class SensingController(Module):
             self._committed = replace(committed, memory=memory)
             self._ahead = None  # what was seen ahead followed from the memory before
         return {"command": sent}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     @property
     def watched_label(self) -> str:

@@ -75,6 +75,7 @@ class Sensor(Module):
     Parameters = SensorParameters
     components = ("signal", "trigger")
     role = Role(triggers="signal")
+    hears_acknowledgements = True
 
     def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: AnyRule) -> None:
         super().__init__(context)
@@ -143,6 +144,10 @@ class Sensor(Module):
                 found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
                 raise self._component.broken(method, found, "finite numbers")
         return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     @property
     def watched_label(self) -> str:

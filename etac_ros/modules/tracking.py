@@ -61,6 +61,7 @@ class RelativeSensor(Module):
     Parameters = RelativeSensorParameters
     components = ("measurement", "law", "trigger")
     role = Role(Acts.ON_ARRIVAL, triggers="signal")
+    hears_acknowledgements = True
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
@@ -107,6 +108,10 @@ class RelativeSensor(Module):
         sent = self.wire("signal").rounded(measured[0])
         return {"signal": self.hold.send(sent, tick, compared=self.held_by(sent, tick))}
 
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
+
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown of each sample with the leader's torque of the same tick."""
         assert window is not None
@@ -143,6 +148,7 @@ class TriggeredController(Module):
 
     components = ("law", "trigger")
     role = Role(Acts.ON_ARRIVAL, triggers="command")
+    hears_acknowledgements = True
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
@@ -162,6 +168,10 @@ class TriggeredController(Module):
         if not self.hold.decides(watched, tick):
             return {}
         return {"command": self.hold.send(watched[0, : self._law.command_size], tick)}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown at each tick, if something arrives at each."""

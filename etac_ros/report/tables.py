@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from etac_ros.metrics.cells import (
+    ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE,
     WATCHED,
+    acknowledgement_account_cells,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -145,14 +147,30 @@ def link_table(view: View) -> Table | None:
     )
 
 
+def acknowledgement_table(view: View) -> Table | None:
+    """What was sent again and acknowledged; None if nothing is acknowledged."""
+    found: list[_Cells] = [
+        {
+            name: acknowledgement_account_cells(account.acknowledgement)
+            for name, account in run.summary.links.items()
+            if account.acknowledgement is not None
+        }
+        for run in view.runs
+    ]
+    notes = ("A frame that was sent again counts once, however many receive it.",)
+    return (
+        _of_runs("What was acknowledged", "link", ACKNOWLEDGEMENT_ACCOUNT, view, found, notes) if any(found) else None
+    )
+
+
 def medium_table(view: View) -> Table | None:
     """What shared media carried; None if there are none."""
     found: list[_Cells] = [
         {name: medium_account_cells(account) for name, account in run.summary.media.items()} for run in view.runs
     ]
     notes = (
-        "The emulated air: over DDS each message crosses once, whatever becomes of it here. Payload and overhead "
-        "[bytes] are those of frames that were alone on the air.",
+        "The emulated air: over DDS each message crosses once, whatever becomes of it here. Payload, overhead and "
+        "acknowledging frames [bytes] are those of frames that were alone on the air.",
     )
     return _of_runs("What was on the air", "medium", MEDIUM_ACCOUNT, view, found, notes) if any(found) else None
 
