@@ -326,7 +326,7 @@ def list_(
 ) -> None:
     """List the scenarios and their variants."""
     from etac_ros.cli.listing import list_scenarios, list_variants
-    from etac_ros.cli.show import make_console
+    from etac_ros.tables.terminal import make_console
 
     if scenario is None:
         list_scenarios(make_console())
