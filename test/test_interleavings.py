@@ -102,6 +102,11 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
             "links.state={medium: air, loss: 0.3, acknowledged: {timeout_s: 0.01, by: all}}",
         ],
     ),
+    "wu2018 time to live": (
+        "wu2018",
+        None,
+        ["duration_s=20", "links.torque_command={loss: 0.4, delay_ticks: 1}", "actuator.time_to_live_s=0.5"],
+    ),
     "xie2021 outage": ("xie2021", "held", ["duration_s=0.2", "links.sc1_state.outages={sc2/sensor: [0.01, 0.1]}"]),
 }
 

@@ -71,6 +71,7 @@ class NodeDescription(_Model):
     triggers: str = Field(default="", description="output port whose messages are triggering instants")
     senses: bool = False
     external: bool = False
+    hold_ticks: Annotated[int, Field(ge=1)] | None = Field(default=None, description="how long it holds at most")
     plant: PlantDescription | None = None
 
 
@@ -199,6 +200,7 @@ def _node(graph: Graph, name: str, module: Module) -> NodeDescription:
         triggers=module.triggers,
         senses=module.senses,
         external=name in graph.external,
+        hold_ticks=module.hold_ticks,
         plant=None if plant is None else _plant(plant),
     )
 

@@ -152,6 +152,7 @@ class StandIn:
         self.passive = node.passive
         self.triggers = node.triggers
         self.senses = node.senses
+        self.hold_ticks = node.hold_ticks
         self.watches = rows.watches
 
 

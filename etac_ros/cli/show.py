@@ -13,6 +13,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
@@ -20,6 +21,7 @@ from etac_ros.metrics.cells import (
     WATCHED,
     acknowledgement_account_cells,
     falls_short,
+    hold_account_cells,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -162,6 +164,9 @@ def _accounts(summary: Summary) -> list[Table]:
     if summary.media:
         rows = tuple(Row((name, *medium_account_cells(account))) for name, account in summary.media.items())
         tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows))
+    if summary.holds:
+        rows = tuple(Row((name, *hold_account_cells(account))) for name, account in summary.holds.items())
+        tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))
     return tables
 
 

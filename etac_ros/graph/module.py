@@ -107,6 +107,8 @@ class Module:
     outputs: dict[str, int]
     hears_acknowledgements: bool = False
     """Whether it goes by what was acknowledged of its messages (:meth:`settle`), where they are."""
+    hold_ticks: int | None = None
+    """Ticks after which what it was told last expires, and it acts by itself; None for never."""
     halt: str = ""
     """Set by a watch, while it acts, to end the run at this tick: what was found, in words."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -59,6 +60,14 @@ class LinkAccount(_Model):
     acknowledgement: AcknowledgementAccount | None = Field(description="null where nothing is acknowledged")
 
 
+class HoldAccount(_Model):
+    """A zero-order hold with a time to live."""
+
+    time_to_live_s: float
+    expired: int = Field(description="commands that outlived it")
+    safe_s: float = Field(description="during which the safe command was applied")
+
+
 class MediumAccount(_Model):
     """One shared medium."""
 
@@ -102,6 +111,29 @@ def link_accounts(graph: Graph, recording: Recording) -> dict[str, LinkAccount]:
 def medium_accounts(graph: Graph, recording: Recording) -> dict[str, MediumAccount]:
     """The account of each medium, up to the end of the run."""
     return {name: _of_medium(graph, recording, name) for name in graph.media}
+
+
+def hold_accounts(graph: Graph, recording: Recording) -> dict[str, HoldAccount]:
+    """The account of each hold that has a time to live."""
+    return {
+        name: _of_hold(graph, recording, name, module.hold_ticks)
+        for name, module in graph.modules.items()
+        if module.hold_ticks is not None
+    }
+
+
+def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> HoldAccount:
+    links = graph.sends[name]
+    sent = recording.messages[links[0].name] if links else []
+    # What it does by itself it does in step 0; what it does on arrival in a later one.
+    safe = [message.step == 0 for message in sent]
+    ticks = [*(message.tick for message in sent), graph.end_tick]
+    lasts = [until - tick for tick, until in pairwise(ticks)]
+    return HoldAccount(
+        time_to_live_s=hold_ticks / graph.ticks_per_second,
+        expired=sum(safe),
+        safe_s=sum(stay for stay, is_safe in zip(lasts, safe, strict=True) if is_safe) / graph.ticks_per_second,
+    )
 
 
 def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:

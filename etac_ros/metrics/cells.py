@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from etac_ros.metrics.accounts import AcknowledgementAccount, LinkAccount, MediumAccount
+from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
 from etac_ros.metrics.verdict import GOOD, Spread, Verdict
 from etac_ros.tables.numbers import band, bracketed, optional, type_words
@@ -47,6 +47,8 @@ LINK_ACCOUNT = (
 """Of a link that is not ideal, each message counted for each receiver; the first delay is the median."""
 ACKNOWLEDGEMENT_ACCOUNT = ("messages acknowledged", "frames sent again", "acknowledgements", "their bytes")
 """Of a link that is acknowledged."""
+HOLD_ACCOUNT = ("time to live [s]", "expired", "safe for [s]")
+"""Of a zero-order hold with a time to live."""
 MEDIUM_ACCOUNT = (
     "frames", "collided", "given up", "dropped", "payload", "overhead", "acknowledging", "collided bytes",
     "air time [s]", "used", "energy [J]", "first drop [s]",
@@ -72,6 +74,11 @@ def acknowledgement_account_cells(account: AcknowledgementAccount) -> tuple[str,
         account.acknowledged, account.retransmitted, account.acknowledgements, account.acknowledgement_bytes,
     )  # fmt: skip
     return tuple(f"{count:,}" for count in counts)
+
+
+def hold_account_cells(account: HoldAccount) -> tuple[str, ...]:
+    """In the order of ``HOLD_ACCOUNT``."""
+    return f"{account.time_to_live_s:g}", f"{account.expired:,}", f"{account.safe_s:.6g}"
 
 
 def medium_account_cells(account: MediumAccount) -> tuple[str, ...]:

@@ -17,7 +17,14 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts
+from etac_ros.metrics.accounts import (
+    HoldAccount,
+    LinkAccount,
+    MediumAccount,
+    hold_accounts,
+    link_accounts,
+    medium_accounts,
+)
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
 from etac_ros.metrics.stored import StoredSweep, declared, differs, stored_sweep
@@ -158,6 +165,7 @@ class Summary(_Model):
         default={}, description="what became of the messages of each link that is not ideal, on the emulated air"
     )
     media: dict[str, MediumAccount] = Field(default={}, description="what each shared medium carried")
+    holds: dict[str, HoldAccount] = Field(default={}, description="zero-order holds with a time to live, by node")
     network: Totals
     internal: Totals
     emulation: Totals
@@ -253,6 +261,7 @@ def summarise(
         topics=topics,
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
+        holds=hold_accounts(graph, recording),
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),

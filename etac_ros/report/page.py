@@ -48,6 +48,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.link_table(view),
         tables.acknowledgement_table(view),
         tables.medium_table(view),
+        tables.hold_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),

@@ -7,12 +7,14 @@ from typing import Any
 from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE,
     WATCHED,
     acknowledgement_account_cells,
+    hold_account_cells,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -173,6 +175,14 @@ def medium_table(view: View) -> Table | None:
         "acknowledging frames [bytes] are those of frames that were alone on the air.",
     )
     return _of_runs("What was on the air", "medium", MEDIUM_ACCOUNT, view, found, notes) if any(found) else None
+
+
+def hold_table(view: View) -> Table | None:
+    """Which holds expired; None if none has a time to live."""
+    found: list[_Cells] = [
+        {name: hold_account_cells(account) for name, account in run.summary.holds.items()} for run in view.runs
+    ]
+    return _of_runs("Holds with a time to live", "node", HOLD_ACCOUNT, view, found) if any(found) else None
 
 
 def trigger_table(view: View) -> Table | None:
