@@ -36,6 +36,22 @@ class Engine(StrEnum):
     inprocess = "inprocess"
 
 
+class ClockKind(StrEnum):
+    """Which time a run goes by."""
+
+    sim = "sim"
+    wall = "wall"
+
+
+def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
+    """Simulated seconds a second; None in simulated time."""
+    if clock is ClockKind.wall:
+        return rate
+    if rate != 1.0 or strict:
+        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+    return None
+
+
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -73,6 +89,9 @@ def run(
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
     quiet_s: QuietS = QUIET_S,
+    clock: Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")] = ClockKind.sim,
+    rate: Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")] = 1.0,
+    strict: Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")] = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
@@ -91,6 +110,8 @@ def run(
         record_windows,
         only,
         quiet_s,
+        rate_of_clock(clock, rate, strict),
+        strict,
     )
     console = make_console()
     console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way

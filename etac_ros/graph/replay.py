@@ -59,6 +59,8 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
 
     Nobody acts at the end tick or later, so what would arrive there has not arrived.
     """
+    if recording.wall is not None:
+        return _taken(graph, recording, link, receiver)
     found = []
     way = Way(link.channel, receiver)
     landed = recording.landed_ns(link.name) if link.medium else {}
@@ -72,6 +74,23 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
             if arrival < graph.end_tick:
                 # What is late comes in the first step of its tick, whichever step it was sent in.
                 found.append(Delivery(arrival, 1 if arrival > message.tick else message.step + 1, message))
+    return found
+
+
+def _taken(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
+    """In real time nothing tells when a message arrives but the receiver's own ledger.
+
+    Where that has not come (a foreign node keeps none, and of a killed one the end is lost), a message counts in the
+    tick in which it was sent, and at a plant from the next one on.
+    """
+    place = list(graph.links).index(link.name)
+    taken = recording.taken(receiver)
+    at_plant = int(receiver in graph.plants)
+    found = []
+    for message in recording.messages[link.name]:
+        tick = taken.get((place, message.sequence), message.tick + at_plant)
+        if tick < graph.end_tick:
+            found.append(Delivery(tick, 1, message))
     return found
 
 
