@@ -494,8 +494,11 @@ def _serve_run(
 
 def _stepped_s(notes: Mapping[str, Mapping[str, Any]]) -> float:
     """How far the wall clock was set during a run in real time [s], at the node that saw the most."""
-    found = [float(note.get("stepped_s", 0.0)) for note in notes.values()]
-    return round(max(found, key=lambda seconds: abs(seconds), default=0.0), 3)
+    furthest = 0.0
+    for note in notes.values():
+        seen = float(note.get("stepped_s", 0.0))
+        furthest = seen if abs(seen) > abs(furthest) else furthest
+    return round(furthest, 3)
 
 
 def _no_bag() -> RunBag:

@@ -60,6 +60,9 @@ class Spread(StrEnum):
     one = "one"
 
 
+Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
+Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
@@ -89,9 +92,9 @@ def run(
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
     quiet_s: QuietS = QUIET_S,
-    clock: Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")] = ClockKind.sim,
-    rate: Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")] = 1.0,
-    strict: Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")] = False,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
@@ -302,11 +305,14 @@ def node(
     params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
 @app.command()
