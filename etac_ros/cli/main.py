@@ -55,6 +55,22 @@ class Engine(StrEnum):
     inprocess = "inprocess"
 
 
+class ClockKind(StrEnum):
+    """Which time a run goes by."""
+
+    sim = "sim"
+    wall = "wall"
+
+
+def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
+    """Simulated seconds a second; None in simulated time."""
+    if clock is ClockKind.wall:
+        return rate
+    if rate != 1.0 or strict:
+        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+    return None
+
+
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -63,6 +79,9 @@ class Spread(StrEnum):
     one = "one"
 
 
+Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
+Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
 ]
@@ -104,6 +123,9 @@ def run(
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
     ] = None,
     quiet_s: QuietS = QUIET_S,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -123,6 +145,8 @@ def run(
         record_windows,
         only,
         quiet_s,
+        rate_of_clock(clock, rate, strict),
+        strict,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -340,11 +364,14 @@ def node(
     params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
 @app.command()

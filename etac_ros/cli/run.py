@@ -51,6 +51,15 @@ class RunRequest:
     record_windows: bool
     only: str | None = None
     quiet_s: float = QUIET_S
+    rate: float | None = None
+    strict: bool = False
+
+    @property
+    def options(self) -> RosOptions:
+        """How the run is spread over processes, recorded and timed."""
+        return RosOptions(
+            self.processes, self.domain, self.record_windows, self.only, self.quiet_s, self.rate, self.strict
+        )
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
@@ -61,7 +70,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
-        options = RosOptions(request.processes, request.domain, only=request.only, quiet_s=request.quiet_s)
+        options = request.options
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
@@ -142,9 +151,7 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
     if request.engine == "inprocess":
         return run_in_process(scenario, bag)
     assert bag is not None
-    options = RosOptions(
-        request.processes, request.domain, request.record_windows, request.only, quiet_s=request.quiet_s
-    )
+    options = request.options
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),
@@ -159,7 +166,8 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         def on_progress(tick: int, fired: Mapping[str, int]) -> None:
             simulated = tick / scenario.run.ticks_per_second
             speed = simulated / max(time.perf_counter() - began, 1e-9)
-            note = f"{sum(fired.values())} triggers, {speed:.0f} x real time"
+            triggers = f"{sum(fired.values())} triggers, " if fired else ""
+            note = f"{triggers}{speed:.0f} x real time"
             progress.update(task, completed=simulated, note=note)
 
         return run_over_ros(scenario, bag, options, on_progress)

@@ -34,6 +34,7 @@ from etac_ros.metrics.cells import (
     watched_name,
 )
 from etac_ros.metrics.figures import FigureKey, families, stands_alone
+from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import Summary, Totals
 from etac_ros.plain_text import one_line
 from etac_ros.scenario.load import Scenario
@@ -57,6 +58,9 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
         console.print(f"{name}: {count:,} samples inside the module, which no message carries")
     for topic, messages in summary.strangers.items():
         console.print(f"{topic}: {messages:,} messages of others, not of this run, were ignored", soft_wrap=True)
+    if summary.real_time is not None and summary.real_time.overruns:
+        words = f"{summary.real_time.overruns:,} overruns: real time was not kept; a lower --rate may be"
+        console.print(words, soft_wrap=True)
     timing = summary.timing
     speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
     console.print(
@@ -77,7 +81,8 @@ def run_tables(scenario: Scenario, summary: Summary) -> list[Table]:
     if alike:
         tables.append(_by_namespace(alike, source, summary))
     tables += [_topics(summary), *_accounts(summary), _performance(summary)]
-    return tables + ([_watched(summary)] if summary.watches else [])
+    tables += [_watched(summary)] if summary.watches else []
+    return tables + ([] if summary.real_time is None else real_time_tables(summary.real_time))
 
 
 def _shown(summary: Summary) -> list[FigureKey]:

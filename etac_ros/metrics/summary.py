@@ -26,6 +26,7 @@ from etac_ros.metrics.accounts import (
     medium_accounts,
 )
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
+from etac_ros.metrics.latency import RealTimeAccount, real_time_account
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
 from etac_ros.metrics.stored import StoredSweep, declared, differs, stored_sweep
 from etac_ros.metrics.verdict import Judgement, Paper, Spread, judge
@@ -176,6 +177,7 @@ class Summary(_Model):
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
     strangers: dict[str, int] = Field(description="messages by topic that were not of this run, and were ignored")
+    real_time: RealTimeAccount | None = Field(default=None, description="of a run in real time; null in simulated time")
     bag: str | None
     published: list[PublishedValue] = Field(description="the paper's figures, where they stand beside this run")
     published_not: str = Field(description="why none of the paper's figures stand beside this run; empty if they do")
@@ -222,6 +224,7 @@ def summarise(
     strangers: Mapping[str, int] | None = None,
     halted: str = "",
     bag: str | None = None,
+    stepped_s: float = 0.0,
 ) -> Summary:
     """The summary of a recorded run.
 
@@ -237,6 +240,8 @@ def summarise(
         Topics of the emulation plane: type, messages, CDR bytes.
     measured_cdr
         CDR bytes of each link's topic as raw subscriptions measured them; without it they are computed.
+    stepped_s
+        How far the wall clock was set during a run in real time [s].
     """
     topics = _link_topics(graph, recording, measured_cdr)
     for name, (kind, messages, size) in (plane or {}).items():
@@ -272,6 +277,7 @@ def summarise(
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         strangers=dict(strangers or {}),
+        real_time=real_time_account(graph, recording, stepped_s),
         bag=bag,
         published=[] if reason else list(published_values(scenario, graph).values()),
         published_not=reason if published else "",

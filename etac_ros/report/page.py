@@ -52,6 +52,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),
+        *tables.real_time(view),
         tables.identity_table(view),
     ):
         if table is not None:

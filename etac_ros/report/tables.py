@@ -25,6 +25,7 @@ from etac_ros.metrics.cells import (
     watched_name,
 )
 from etac_ros.metrics.figures import FigureKey, stands_alone
+from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import PublishedValue, Topic, Totals, with_measured
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
@@ -220,6 +221,12 @@ def watched_table(view: View) -> Table | None:
     ]
     notes = (f"{_steady_note(view)} Notice: a bound that is only reported. Beyond the limit a run ends.",)
     return _of_runs("Watched", "watched", WATCHED, view, found, notes) if any(found) else None
+
+
+def real_time(view: View) -> list[Table]:
+    """What a run in real time tells of time; nothing of a run in simulated time."""
+    account = view.run.summary.real_time
+    return [] if account is None else real_time_tables(account)
 
 
 def remarks(view: View) -> tuple[str, ...]:

@@ -113,6 +113,11 @@ class Publisher:
             self._matched = self._listeners <= set(there) and len(strangers) >= self._foreign
         return self._matched
 
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens now."""
+        return bool(self._publisher.get_subscription_count())
+
     def missing(self) -> str:
         """What is still missing here, in words."""
         there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
@@ -149,6 +154,11 @@ class Subscription:
     ----------
     strangers
         Messages that were not of this run.
+    source_ns, received_ns
+        When the message that is handed over was published, and when it was received, by the wall clock [ns].
+    period
+        Of a foreign publisher: when its messages count, by their source timestamps ``[from, until)`` [ns]. So all who
+        hear it agree on which do.
     """
 
     def __init__(
@@ -167,6 +177,9 @@ class Subscription:
         self.topic = topic
         self.count = Count()
         self.strangers = 0
+        self.source_ns = 0
+        self.received_ns = 0
+        self.period: tuple[int, int] | None = None
         self._node = node
         self._kind = kind
         self._raw = raw
@@ -209,6 +222,10 @@ class Subscription:
             message, info = taken
             sequence = int(info["publication_sequence_number"])
             if self._closed:
+                self.strangers += 1
+                continue
+            self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
+            if self.period is not None and not self.period[0] <= self.source_ns < self.period[1]:
                 self.strangers += 1
                 continue
             size = len(message) if self._raw else 0

@@ -33,20 +33,22 @@ class Foreign:
     sent
         Messages that each link is known to owe so far; read as it grows.
     listen
-        Subscribes the coordinator.
+        Subscribes the coordinator; None where nobody is asked for anything, as in real time, so that no answers are
+        counted here.
     """
 
-    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen) -> None:
+    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen | None) -> None:
         graph = plan.graph
         self._plan = plan
         self._node = node
         self._sent = sent
         self._answers: dict[str, Subscription] = {}
+        self._topics = [link for link in graph.links.values() if link.sender in graph.external]
         self._looked = time.monotonic()
         self._said: set[str] = set()
         self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
-        for link in graph.links.values():
-            if link.sender in graph.external:
+        if listen is not None:
+            for link in self._topics:
                 self._answers[link.name] = listen(message_type(link.wire), link.topic, self._check_lead(link))
 
     def complete(self) -> bool:
@@ -55,9 +57,7 @@ class Foreign:
 
     def fits(self) -> bool:
         """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
-        return all(
-            any(self._joins(link, end) for end in self._publishers(link)) for link in map(self._link, self._answers)
-        )
+        return all(any(self._joins(link, end) for end in self._publishers(link)) for link in self._topics)
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
@@ -127,7 +127,7 @@ class Foreign:
 
     def _is_time(self) -> bool:
         now = time.monotonic()
-        due = now - self._looked >= _LOOK_S and bool(self._answers or self._questions)
+        due = now - self._looked >= _LOOK_S and bool(self._topics or self._questions)
         if due:
             self._looked = now
         return due
@@ -155,7 +155,7 @@ class Foreign:
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
-        for link in map(self._link, self._answers):
+        for link in self._topics:
             for end in self._publishers(link):
                 if end.topic_type != link.wire.type_name:
                     found.append(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Collection
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -33,12 +33,16 @@ class RunNode:
         The initialised rclpy context.
     """
 
+    hear_leave: ClassVar[tuple[str, ...]] = (COORDINATOR, RECORDER)
+    """Who wants to know the counts of all."""
+
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
         self.plan = plan
         self.name = name
         self.started = False
         self.has_left = False
         self.finished = False
+        self.start: dict[str, Any] = {}
         self.stop: dict[str, Any] | None = None
         namespace, _, base = name.rpartition("/")
         self.ros_node = Node(
@@ -54,7 +58,7 @@ class RunNode:
         self._subscriptions: list[Subscription] = []
         self._joining = self.publisher(String, JOIN, latched=True)
         self._fault = self.publisher(String, FAULT, latched=True)
-        self._leaving = self.publisher(String, LEAVE, (COORDINATOR, RECORDER))
+        self._leaving = self.publisher(String, LEAVE, self.hear_leave)
         for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
             self._hear_as_all_do(topic, callback)
 
@@ -132,6 +136,7 @@ class RunNode:
                     "node": self.name,
                     "scenario": self.plan.scenario,
                     "digest": self.plan.digest,
+                    "clock": self.plan.clock,
                     "pid": os.getpid(),
                 }
             )
@@ -192,6 +197,7 @@ class RunNode:
     def _on_start(self, content: Any, sequence: int) -> None:
         if not self.started:
             self.started = True
+            self.start = content
             self.begin_to_count()
             self.on_start()
 
