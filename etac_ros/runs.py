@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import secrets
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -21,9 +24,11 @@ from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import type_of, window_topic
@@ -244,6 +249,10 @@ class RosOptions:
     quiet_s
         How long a process may stand still, or a node owe an answer, before the run fails and names it [s]. A shorter
         pause costs time and nothing else.
+    capture
+        Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
+    keep_capture
+        Keep what was captured in this pcapng file.
     """
 
     processes: str = "node"
@@ -251,6 +260,8 @@ class RosOptions:
     record_windows: bool = False
     only: str | None = None
     quiet_s: float = QUIET_S
+    capture: bool = False
+    keep_capture: Path | None = None
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
@@ -344,7 +355,7 @@ def run_over_ros(
         schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain)
     try:
-        with SignalGuard() as guard:
+        with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
                 plan,
                 Processes(options.processes),
@@ -363,6 +374,8 @@ def run_over_ros(
             assert outcome is not None  # this part keeps time
     finally:
         lease.release()
+    if wire:
+        write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check_outcome(plan, outcome, {name: count.messages for name, count in counts.items()})
@@ -379,11 +392,38 @@ def run_over_ros(
         measured_cdr=sizes,
         memory_kib=outcome.memory_kib(),
         strangers=outcome.strangers(),
+        wire=wire[0] if wire else None,
         halted=outcome.halted,
         bag=str(bag),
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+@contextlib.contextmanager
+def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
+    """Captures meanwhile; what was captured is in the list afterwards, if something was."""
+    accounts: list[WireAccount] = []
+    if not options.capture:
+        yield accounts
+        return
+    from etac_ros.capture.live import CannotCapture, Capture, ports_of
+
+    with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+        path = options.keep_capture or Path(folder, "run.pcapng")
+        try:
+            capture = Capture(path, ports_of(domain))
+        except CannotCapture as error:
+            print(f"etac: {error}\netac: the run goes on, and nothing is captured", file=sys.stderr)
+            yield accounts
+            return
+        try:
+            yield accounts
+        except BaseException:
+            with contextlib.suppress(EtacError):  # what is captured of a run that failed is kept, too
+                capture.stop()
+            raise
+        accounts.append(account_of(path, graph, capture.stop()))
 
 
 def _run_in_own_process(

@@ -7,9 +7,10 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from etac_ros import __version__
 from etac_ros.cli.streams import hold_standard_streams
@@ -53,7 +54,19 @@ QuietS = Annotated[
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
-@app.command()
+class CommandWithCapture(TyperCommand):
+    """A command whose option ``--capture`` may have a value, or none: typer has no such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The word behind ``--capture`` is its value where it is the name of a pcapng file."""
+        given = list(args)
+        for place, word in enumerate(args):
+            if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
+                given[place] = "--capture="
+        return super().parse_args(ctx, given)
+
+
+@app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -73,6 +86,12 @@ def run(
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
     quiet_s: QuietS = QUIET_S,
+    capture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.pcapng]", help="Count every byte on the wire, by topic, cause and layer; keep the frames."
+        ),
+    ] = None,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
@@ -91,6 +110,7 @@ def run(
         record_windows,
         only,
         quiet_s,
+        capture,
     )
     console = make_console()
     console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way

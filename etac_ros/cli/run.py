@@ -51,6 +51,8 @@ class RunRequest:
     record_windows: bool
     only: str | None = None
     quiet_s: float = QUIET_S
+    capture: str | None = None
+    """The pcapng file to keep; empty keeps none; None captures nothing."""
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
@@ -58,6 +60,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if request.engine == "ros":
         request = _in_this_process(request)
     scenario = load(request.scenario, request.variant, request.overrides)
+    if request.capture is not None:
+        _check_capture(request)
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
@@ -116,6 +120,15 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
         return None
 
 
+def _check_capture(request: RunRequest) -> None:
+    if request.engine != "ros":
+        raise ScenarioError("--capture", "is for --engine ros: by calls nothing is on a wire")
+    if request.capture:
+        path = Path(request.capture)
+        if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
+
+
 def _check_json(path: Path) -> None:
     """Refuse what the summary could not be written to, before the run instead of after it."""
     if str(path) == STANDARD_OUTPUT:
@@ -145,7 +158,7 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
     try:
         if request.baseline and request.engine == "ros":
             beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-            return _run(scenario, request, beside, console)
+            return _run(scenario, replace(request, capture=None), beside, console)
         return run_in_process(scenario)
     except RunHalted as halted:
         console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
@@ -157,7 +170,13 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         return run_in_process(scenario, bag)
     assert bag is not None
     options = RosOptions(
-        request.processes, request.domain, request.record_windows, request.only, quiet_s=request.quiet_s
+        request.processes,
+        request.domain,
+        request.record_windows,
+        request.only,
+        quiet_s=request.quiet_s,
+        capture=request.capture is not None,
+        keep_capture=Path(request.capture) if request.capture else None,
     )
     columns = (
         TextColumn("{task.description}"),

@@ -46,6 +46,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.published_table(view),
         tables.traffic_table(view),
         tables.link_table(view),
+        *tables.wire_tables(view),
         tables.medium_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
