@@ -25,9 +25,18 @@ OFFERED_QOS: list[dict[str, Any]] = [
         "avoid_ros_namespace_conventions": False,
     }
 ]
-"""What all publishers of etac_ros offer, in the form of rosbag2 version 9."""
+"""What publishers of etac_ros offer, in the form of rosbag2 version 9."""
 
-OFFERED_QOS_YAML = yaml.safe_dump(OFFERED_QOS, sort_keys=False).strip()
+
+def offered_qos(reliability: str) -> list[dict[str, Any]]:
+    """What the publisher of a topic offers."""
+    return [{**profile, "reliability": reliability} for profile in OFFERED_QOS]
+
+
+@cache
+def offered_qos_yaml(reliability: str) -> str:
+    """The same as the metadata of a channel hold it."""
+    return yaml.safe_dump(offered_qos(reliability), sort_keys=False).strip()
 
 
 @cache

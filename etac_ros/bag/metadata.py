@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from etac_ros.bag.definitions import OFFERED_QOS, type_hash
+from etac_ros.bag.definitions import offered_qos, type_hash
 from etac_ros.bag.topics import TopicDescription
 from etac_ros.errors import BagError
 
@@ -55,7 +55,7 @@ def bag_information(
                     "name": topic.name,
                     "type": topic.type_name,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": OFFERED_QOS,
+                    "offered_qos_profiles": offered_qos(topic.reliability.value),
                     "type_description_hash": type_hash(topic.type_name),
                 },
                 "message_count": count,

@@ -25,6 +25,32 @@ class LinkKind(StrEnum):
     """Light, current or torque: carried by the emulation plane, never added to the network figures."""
 
 
+class Reliability(StrEnum):
+    """What DDS does about a sample that is lost on its way."""
+
+    RELIABLE = "reliable"
+    """Its reader misses it, and gets it once more."""
+    BEST_EFFORT = "best_effort"
+    """Nothing. In simulated time, which counts every message, that ends the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """How DDS carries a link's messages. What a run comes to does not depend on it.
+
+    Attributes
+    ----------
+    history
+        Samples that writer and readers keep: the last so many.
+    """
+
+    reliability: Reliability = Reliability.RELIABLE
+    history: int = 4096
+
+
+USUAL_QOS = Qos()
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """One sender's port, one topic, any number of receivers."""
@@ -40,6 +66,7 @@ class Link:
     channel: Channel
     medium: str = ""
     """The shared medium that its messages cross before the channel has its say; empty for none."""
+    qos: Qos = USUAL_QOS
 
 
 @dataclass(frozen=True)

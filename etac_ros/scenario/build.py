@@ -10,7 +10,7 @@ from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.channel import Channel
-from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.graph import Graph, Link, LinkKind, Qos
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import EMULATION
@@ -254,7 +254,8 @@ def _link(
     )
     if section.medium is not None and section.kind is LinkKind.PHYSICAL:
         raise ScenarioError(f"{where}.medium", "a physical link carries light or torque, no frames", "no key 'medium'")
-    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "")
+    qos = Qos(section.reliability, section.history)
+    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "", qos)
 
 
 def _delay_ticks(section: LinkSection, ticks_per_second: int) -> float:

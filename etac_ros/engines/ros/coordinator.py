@@ -13,12 +13,13 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.foreign import Foreign
-from etac_ros.engines.ros.messages import open_note
+from etac_ros.engines.ros.messages import message_type, open_note
 from etac_ros.engines.ros.module_node import PlantNode
 from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Link, Reliability
 from etac_ros.graph.topics import (
     CLOCK,
     END,
@@ -152,10 +153,19 @@ class CoordinatorNode(RunNode):
                 f"node {', '.join(self._owing())}",
                 f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {self.plan.quiet_s:g} s",
                 "an answer to every order",
-                "is its process still there? see what it printed",
+                f"is its process still there? see what it printed{self._may_be_lost()}",
             )
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
-        raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
+        found = f"has not left within {self.plan.quiet_s:g} s{self._may_be_lost()}"
+        raise RunError(f"node {', '.join(missing)}", found)
+
+    def _may_be_lost(self) -> str:
+        """A hint at links whose last message nobody misses but who waits for it."""
+        links = self.plan.graph.links.values()
+        topics = [link.topic for link in links if link.qos.reliability is Reliability.BEST_EFFORT]
+        return (
+            f"; or a message was lost that DDS does not send again (best effort: {', '.join(topics)})" if topics else ""
+        )
 
     def excuse(self) -> None:
         """Silence counts from now on: a process of the run was stopped, or computes."""
@@ -204,9 +214,10 @@ class CoordinatorNode(RunNode):
         self.began = self._told = time.perf_counter()
         self._dispatcher.begin()
 
-    def _listen_to_foreign(self, kind: type, topic: str, callback: Callable[[Any, int], None]) -> Subscription:
+    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None]) -> Subscription:
         """A subscription to what a foreign node sends, as bytes."""
-        return self.subscription(kind, topic, callback, raw=True, foreign=True)
+        kind = message_type(link.wire)
+        return self.subscription(kind, link.topic, callback, raw=True, foreign=True, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:
