@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import secrets
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -24,9 +27,11 @@ from etac_ros.bag.run_metadata import of_wall_clock
 from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
@@ -299,6 +304,10 @@ class RosOptions:
         Simulated seconds a second, for a run in real time; None runs in simulated time.
     strict
         In real time: the first missed tick ends the run.
+    capture
+        Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
+    keep_capture
+        Keep what was captured in this pcapng file.
     """
 
     processes: str = "node"
@@ -308,6 +317,8 @@ class RosOptions:
     quiet_s: float = QUIET_S
     rate: float | None = None
     strict: bool = False
+    capture: bool = False
+    keep_capture: Path | None = None
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -324,11 +335,11 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
-    emulated = [link.name for link in scenario.graph.links.values() if link.medium or not link.channel.ideal]
+    emulated = [link.name for link in scenario.graph.links.values() if not link.is_ideal]
     if emulated:
         raise ScenarioError(
             f"--clock wall: links {', '.join(emulated)}",
-            "have an emulated delay, loss or medium, whose outcome is in simulated time",
+            "have an emulated delay, loss, medium or acknowledgement, whose outcome is in simulated time",
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
@@ -434,7 +445,7 @@ def run_over_ros(
         )  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain)
     try:
-        with SignalGuard() as guard:
+        with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
                 plan,
                 Processes(options.processes),
@@ -453,6 +464,8 @@ def run_over_ros(
             assert outcome is not None  # this part keeps time
     finally:
         lease.release()
+    if wire:
+        write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check = check_outcome if wall is None else check_wall_outcome
@@ -470,12 +483,39 @@ def run_over_ros(
         measured_cdr=sizes,
         memory_kib=outcome.memory_kib(),
         strangers=outcome.strangers(),
+        wire=wire[0] if wire else None,
         halted=outcome.halted,
         bag=str(bag),
         stepped_s=_stepped_s(outcome.leave_notes),
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+@contextlib.contextmanager
+def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
+    """Captures meanwhile; what was captured is in the list afterwards, if something was."""
+    accounts: list[WireAccount] = []
+    if not options.capture:
+        yield accounts
+        return
+    from etac_ros.capture.live import CannotCapture, Capture, ports_of
+
+    with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+        path = options.keep_capture or Path(folder, "run.pcapng")
+        try:
+            capture = Capture(path, ports_of(domain))
+        except CannotCapture as error:
+            print(f"etac: {error}\netac: the run goes on, and nothing is captured", file=sys.stderr)
+            yield accounts
+            return
+        try:
+            yield accounts
+        except BaseException:
+            with contextlib.suppress(EtacError):  # what is captured of a run that failed is kept, too
+                capture.stop()
+            raise
+        accounts.append(account_of(path, graph, capture.stop()))
 
 
 def _run_in_own_process(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from etac_ros import __version__
 from etac_ros.cli import complete
@@ -99,7 +99,19 @@ QuietS = Annotated[
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
-@app.command()
+class CommandWithCapture(TyperCommand):
+    """A command whose option ``--capture`` may have a value, or none: typer has no such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The word behind ``--capture`` is its value where it is the name of a pcapng file."""
+        given = list(args)
+        for place, word in enumerate(args):
+            if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
+                given[place] = "--capture="
+        return super().parse_args(ctx, given)
+
+
+@app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -123,6 +135,12 @@ def run(
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
     ] = None,
     quiet_s: QuietS = QUIET_S,
+    capture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.pcapng]", help="Count every byte on the wire, by topic, cause and layer; keep the frames."
+        ),
+    ] = None,
     clock: Clock = ClockKind.sim,
     rate: Rate = 1.0,
     strict: Strict = False,
@@ -147,6 +165,7 @@ def run(
         quiet_s,
         rate_of_clock(clock, rate, strict),
         strict,
+        capture,
     )
     run_and_show(request, console_beside(json, quiet))
 

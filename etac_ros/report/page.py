@@ -47,6 +47,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.traffic_table(view),
         tables.link_table(view),
         tables.acknowledgement_table(view),
+        *tables.wire_tables(view),
         tables.medium_table(view),
         tables.hold_table(view),
         tables.trigger_table(view),

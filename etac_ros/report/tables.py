@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from etac_ros.metrics.cells import (
@@ -27,6 +28,7 @@ from etac_ros.metrics.cells import (
 from etac_ros.metrics.figures import FigureKey, stands_alone
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import PublishedValue, Topic, Totals, with_measured
+from etac_ros.metrics.wire import wire_table
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
@@ -164,6 +166,16 @@ def acknowledgement_table(view: View) -> Table | None:
     return (
         _of_runs("What was acknowledged", "link", ACKNOWLEDGEMENT_ACCOUNT, view, found, notes) if any(found) else None
     )
+
+
+def wire_tables(view: View) -> list[Table]:
+    """What was captured of each run; none where nothing was."""
+    found = []
+    for label, run in zip(view.labels, view.runs, strict=True):
+        if run.summary.wire is not None:
+            table = wire_table(run.summary.wire, {name: topic.kind for name, topic in run.summary.topics.items()})
+            found.append(replace(table, title=f"On the wire, {label}") if view.overlaid else table)
+    return found
 
 
 def medium_table(view: View) -> Table | None:

@@ -15,6 +15,7 @@ from etac_ros.engines.ros.messages import open_note
 from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Reliability
 from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, START, STOP
 
 _LAST_WORD_S = 2.0
@@ -91,7 +92,8 @@ class Convener(RunNode):
             self._blame_who_is_quiet()
             return
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
-        raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
+        found = f"has not left within {self.plan.quiet_s:g} s{self._may_be_lost()}"
+        raise RunError(f"node {', '.join(missing)}", found)
 
     def excuse(self) -> None:
         """Silence counts from now on: a process of the run was stopped, or computes."""
@@ -125,6 +127,14 @@ class Convener(RunNode):
 
     def _blame_who_is_quiet(self) -> None:
         """Nothing was heard for too long while the run goes on."""
+
+    def _may_be_lost(self) -> str:
+        """A hint at links whose last message nobody misses but who waits for it."""
+        links = self.plan.graph.links.values()
+        topics = [link.topic for link in links if link.qos.reliability is Reliability.BEST_EFFORT]
+        return (
+            f"; or a message was lost that DDS does not send again (best effort: {', '.join(topics)})" if topics else ""
+        )
 
     def _start_content(self) -> dict[str, Any]:
         """What the note that begins the run says."""

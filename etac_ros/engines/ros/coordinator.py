@@ -14,10 +14,12 @@ from std_msgs.msg import String
 from etac_ros.engines.ros.convener import Convener
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.foreign import Foreign
+from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.module_node import PlantNode
 from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Link
 from etac_ros.graph.topics import MESSAGE_LOG, RECORDED, go_topic, next_topic
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Effect
@@ -141,12 +143,13 @@ class CoordinatorNode(Convener):
             f"node {', '.join(self._owing())}",
             f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {self.plan.quiet_s:g} s",
             "an answer to every order",
-            "is its process still there? see what it printed",
+            f"is its process still there? see what it printed{self._may_be_lost()}",
         )
 
-    def _listen_to_foreign(self, kind: type, topic: str, callback: Callable[[Any, int], None]) -> Subscription:
+    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None]) -> Subscription:
         """A subscription to what a foreign node sends, as bytes."""
-        return self.subscription(kind, topic, callback, raw=True, foreign=True)
+        kind = message_type(link.wire)
+        return self.subscription(kind, link.topic, callback, raw=True, foreign=True, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:

@@ -10,12 +10,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from etac_ros.engines.ros.endpoints import Subscription, name_of
-from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
-from etac_ros.graph.graph import Link
+from etac_ros.graph.graph import Link, Reliability
 
-Listen = Callable[[type, str, Callable[[Any, int], None]], Subscription]
+Listen = Callable[[Link, Callable[[Any, int], None]], Subscription]
 """Subscribes to a topic of a foreign node."""
 
 _LOOK_S = 1.0
@@ -49,7 +48,7 @@ class Foreign:
         self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
         if listen is not None:
             for link in self._topics:
-                self._answers[link.name] = listen(message_type(link.wire), link.topic, self._check_lead(link))
+                self._answers[link.name] = listen(link, self._check_lead(link))
 
     def complete(self) -> bool:
         """Whether all answers that were asked for have come."""
@@ -149,8 +148,8 @@ class Foreign:
         return list(self._node.get_publishers_info_by_topic(link.topic))
 
     def _joins(self, link: Link, end: Any) -> bool:
-        reliable = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
-        return reliable and end.topic_type == link.wire.type_name
+        offers = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
+        return (offers or _best_effort(link)) and end.topic_type == link.wire.type_name
 
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
@@ -175,4 +174,10 @@ class Foreign:
                     )
                 elif end.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
                     found.append(f"{name_of(end)} asks for transient local on {link.topic}; offered: volatile")
+                elif _best_effort(link) and end.qos_profile.reliability is ReliabilityPolicy.RELIABLE:
+                    found.append(f"{name_of(end)} asks for reliable on {link.topic}; offered: best effort")
         return found
+
+
+def _best_effort(link: Link) -> bool:
+    return link.qos.reliability is Reliability.BEST_EFFORT
