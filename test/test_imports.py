@@ -35,6 +35,7 @@ FLOORS = [
     "check",
     "theorems",
     "report",
+    "export",
     "sweep",
     "reproduce",
     "tradeoff",

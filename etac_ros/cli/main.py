@@ -44,6 +44,15 @@ class Spread(StrEnum):
     one = "one"
 
 
+class Format(StrEnum):
+    """What tables are written as."""
+
+    parquet = "parquet"
+    csv = "csv"
+    mat = "mat"
+    npz = "npz"
+
+
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
@@ -349,6 +358,25 @@ def report(
 
     first, *others = bags
     typer.echo(f"report: {write_report(first, [*others, *(against or ())], output, trust=trust)}")
+
+
+@app.command()
+def export(
+    bag: BagPath,
+    to: Annotated[Format, typer.Option(help="parquet, csv: a file a table; mat, npz: one file of arrays.")],
+    output: Annotated[Path | None, typer.Option(help="Folder of the files; default: export in the bag.")] = None,
+    table: Annotated[
+        list[str] | None, typer.Option(help="attitude, rate, torque, state, watched, triggers, messages; default: all.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a simulated second at most; default: all.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bag names.")] = False,
+) -> None:
+    """Write a bag as tables: samples, triggers and messages, for pandas, MATLAB, Octave and numpy."""
+    from etac_ros.export import open_bag, write_tables
+
+    folder = bag / "export" if output is None else output
+    for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
+        typer.echo(f"table: {path}")
 
 
 def _version(wanted: bool) -> None:
