@@ -36,6 +36,7 @@ FLOORS = [
     "check",
     "theorems",
     "report",
+    "export",
     "sweep",
     "reproduce",
     "tradeoff",

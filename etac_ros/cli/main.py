@@ -79,6 +79,15 @@ class Spread(StrEnum):
     one = "one"
 
 
+class Format(StrEnum):
+    """What tables are written as."""
+
+    parquet = "parquet"
+    csv = "csv"
+    mat = "mat"
+    npz = "npz"
+
+
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
 Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
@@ -438,6 +447,25 @@ def report(
     with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
         page = write_report(first, [*others, *(against or ())], output, trust=trust, say=say)
     typer.echo(f"report: {page}")
+
+
+@app.command()
+def export(
+    bag: BagPath,
+    to: Annotated[Format, typer.Option(help="parquet, csv: a file a table; mat, npz: one file of arrays.")],
+    output: Annotated[Path | None, typer.Option(help="Folder of the files; default: export in the bag.")] = None,
+    table: Annotated[
+        list[str] | None, typer.Option(help="attitude, rate, torque, state, watched, triggers, messages; default: all.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a simulated second at most; default: all.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bag names.")] = False,
+) -> None:
+    """Write a bag as tables: samples, triggers and messages, for pandas, MATLAB, Octave and numpy."""
+    from etac_ros.export import open_bag, write_tables
+
+    folder = bag / "export" if output is None else output
+    for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
+        typer.echo(f"table: {path}")
 
 
 def _version(wanted: bool) -> None:
