@@ -23,7 +23,7 @@ from etac_ros.robustness.write import (
     retransmission_table,
     suffers_table,
 )
-from etac_ros.scenario.load import available
+from etac_ros.scenario.places import available
 from etac_ros.tables.table import Table
 from etac_ros.tables.terminal import show
 

@@ -49,6 +49,10 @@ class Driver:
         # An array of its own: nobody else's samples change where a class works in place.
         self.window = replace(window, samples=window.samples.copy())
 
+    def pass_over(self, tick: int) -> None:
+        """Commit memory up to a tick at which nothing is done: in real time it may be too late to act."""
+        self._advance(tick)
+
     def look(self, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself."""
         found = self._component.call("scan", self.window, after)

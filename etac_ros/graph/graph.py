@@ -65,6 +65,32 @@ class Acknowledgement:
     told: bool
 
 
+class Reliability(StrEnum):
+    """What DDS does about a sample that is lost on its way."""
+
+    RELIABLE = "reliable"
+    """Its reader misses it, and gets it once more."""
+    BEST_EFFORT = "best_effort"
+    """Nothing. In simulated time, which counts every message, that ends the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """How DDS carries a link's messages. What a run comes to does not depend on it.
+
+    Attributes
+    ----------
+    history
+        Samples that writer and readers keep: the last so many.
+    """
+
+    reliability: Reliability = Reliability.RELIABLE
+    history: int = 4096
+
+
+USUAL_QOS = Qos()
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """One sender's port, one topic, any number of receivers."""
@@ -82,6 +108,7 @@ class Link:
     """The shared medium that its messages cross before the channel has its say; empty for none."""
     acknowledged: Acknowledgement | None = None
     """None of a link whose messages are sent once."""
+    qos: Qos = USUAL_QOS
 
     @property
     def is_ideal(self) -> bool:

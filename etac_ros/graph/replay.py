@@ -60,6 +60,8 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
 
     Nobody acts at the end tick or later, so what would arrive there has not arrived.
     """
+    if recording.wall is not None:
+        return _noted(graph, recording, link, receiver)
     if link.acknowledged is not None:
         return _taken(graph, recording, link, receiver)
     found = []
@@ -97,6 +99,23 @@ def _taken(graph: Graph, recording: Recording, link: Link, receiver: str) -> lis
             tick = landing_tick(event.at_ns, graph.ticks_per_second)
             if tick < graph.end_tick:
                 found.append(Delivery(tick, 1 if tick > message.tick else message.step + 1, message))
+    return found
+
+
+def _noted(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
+    """In real time nothing tells when a message arrives but the receiver's own ledger.
+
+    Where that has not come (a foreign node keeps none, and of a killed one the end is lost), a message counts in the
+    tick in which it was sent, and at a plant from the next one on.
+    """
+    place = list(graph.links).index(link.name)
+    taken = recording.taken(receiver)
+    at_plant = int(receiver in graph.plants)
+    found = []
+    for message in recording.messages[link.name]:
+        tick = taken.get((place, message.sequence), message.tick + at_plant)
+        if tick < graph.end_tick:
+            found.append(Delivery(tick, 1, message))
     return found
 
 

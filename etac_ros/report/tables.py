@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from etac_ros.metrics.cells import (
@@ -25,7 +26,9 @@ from etac_ros.metrics.cells import (
     watched_name,
 )
 from etac_ros.metrics.figures import FigureKey, stands_alone
+from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import PublishedValue, Topic, Totals, with_measured
+from etac_ros.metrics.wire import wire_table
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
@@ -165,6 +168,16 @@ def acknowledgement_table(view: View) -> Table | None:
     )
 
 
+def wire_tables(view: View) -> list[Table]:
+    """What was captured of each run; none where nothing was."""
+    found = []
+    for label, run in zip(view.labels, view.runs, strict=True):
+        if run.summary.wire is not None:
+            table = wire_table(run.summary.wire, {name: topic.kind for name, topic in run.summary.topics.items()})
+            found.append(replace(table, title=f"On the wire, {label}") if view.overlaid else table)
+    return found
+
+
 def medium_table(view: View) -> Table | None:
     """What shared media carried; None if there are none."""
     found: list[_Cells] = [
@@ -220,6 +233,12 @@ def watched_table(view: View) -> Table | None:
     ]
     notes = (f"{_steady_note(view)} Notice: a bound that is only reported. Beyond the limit a run ends.",)
     return _of_runs("Watched", "watched", WATCHED, view, found, notes) if any(found) else None
+
+
+def real_time(view: View) -> list[Table]:
+    """What a run in real time tells of time; nothing of a run in simulated time."""
+    account = view.run.summary.real_time
+    return [] if account is None else real_time_tables(account)
 
 
 def remarks(view: View) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.channel import Channel
-from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.graph import Graph, Link, LinkKind, Qos
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import EMULATION, STATE, is_taken
@@ -299,7 +299,10 @@ def _link(
     if section.acknowledged is not None:
         told = port in modules[sender].context.acknowledged and tells(section, modules[sender], port, where)
         acknowledged = acknowledgement(name, section.acknowledged, list(receivers), told, f"{where}.acknowledged")
-    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "", acknowledged)
+    qos = Qos(section.reliability, section.history)
+    return Link(
+        name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "", acknowledged, qos
+    )
 
 
 def _delay_ticks(section: LinkSection, ticks_per_second: int) -> float:

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from etac_ros.graph.channel import Bursts, Jitter
-from etac_ros.graph.graph import AfterLast, LinkKind
+from etac_ros.graph.graph import USUAL_QOS, AfterLast, LinkKind, Qos, Reliability
 from etac_ros.graph.wire import WireFormat
 from etac_ros.media.medium import Full
 from etac_ros.media.overhead import Profile
@@ -74,6 +74,19 @@ class LinkSection(Parameters):
     outages: dict[str, tuple[FiniteFloat, ...]] = Field(
         default={}, description="by receiving node: [from, until, ...] in seconds, when nothing gets through"
     )
+
+    reliability: Reliability = Field(
+        default=Reliability.RELIABLE, description="of DDS: whether it sends again what was lost; only of network links"
+    )
+    history: PositiveInt = Field(
+        default=USUAL_QOS.history, description="of DDS: the last so many messages are kept at both ends; likewise"
+    )
+
+    @model_validator(mode="after")
+    def _qos_of_network(self) -> LinkSection:
+        if self.kind is not LinkKind.NETWORK and Qos(self.reliability, self.history) != USUAL_QOS:
+            raise ValueError(f"reliability and history are of network links; a {self.kind.value} one is a wire")
+        return self
 
     @model_validator(mode="after")
     def _not_both(self) -> LinkSection:
