@@ -36,6 +36,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
+from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
@@ -104,6 +105,7 @@ def warm_up(scenario: Scenario) -> None:
     if scenario.digest in _warm:
         return
     _warm.add(scenario.digest)
+    import_numba()
     graph = scenario.build()
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
@@ -156,7 +158,7 @@ def open_bag(
     if wall is not None:
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall)
 
 
 def state_streams(scenario: Scenario) -> StateStreams | None:

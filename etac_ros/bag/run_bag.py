@@ -19,6 +19,7 @@ from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.graph.graph import Graph
+from etac_ros.maths.wall_clock import WallClock
 
 _MOST_HELD_BYTES = 1024 * 1024
 _HELD_FOR_S = 0.5
@@ -57,6 +58,9 @@ class RunBag:
         is recorded too. None where everybody has the classes.
     state
         What shows the state of the bodies; None shows none.
+    wall
+        The clock of a run in real time, by which its messages are timed; None in simulated time. A body is shown to
+        hold a torque from the tick after the one in which the recorder got it; what it really held is in its ledger.
 
     Raises
     ------
@@ -75,6 +79,7 @@ class RunBag:
         extra: Sequence[TopicDescription] = (),
         derive_with: Graph | None = None,
         state: StateStreams | None = None,
+        wall: WallClock | None = None,
     ) -> None:
         derived = () if derive_with is None else derivations(derive_with)
         self._derived = {truth_topic(plant).name: [d for d in derived if d.plant == plant] for plant in graph.plants}
@@ -85,6 +90,7 @@ class RunBag:
         self._placed_ns = -1
         self._ticks_per_second = graph.ticks_per_second
         self._state = state
+        self._wall = wall
         self._plants = {truth_topic(plant).name: plant for plant in graph.plants}
         self._to_plants = {
             link.topic: link for link in graph.links.values() if state is not None and state.hears(link.name)
@@ -151,14 +157,22 @@ class RunBag:
     def _note_input(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         assert self._state is not None
         link = self._to_plants[topic]
-        tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
+        if self._wall is None:
+            tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
+        else:
+            tick, step = self._wall.tick_at(log_time_ns) + 1, 0
         self._state.take_message(link.name, sequence, tick, step, decode(link.wire.type_name, cdr))
 
     def _show(self, state: StateStreams, everything: bool) -> None:
-        until = sys.maxsize if everything else tick_of(self._placed_ns, self._ticks_per_second)
+        at_once = everything or self._wall is not None
+        until = sys.maxsize if at_once else tick_of(self._placed_ns, self._ticks_per_second)
         for topic, cdr, tick, sequence in state.ready(until, everything):
-            published = tick_time_ns(tick, self._ticks_per_second)
-            self._writer.write(topic, cdr, log_time_ns(published, AFTER_ALL_STEPS), published, sequence)
+            if self._wall is None:
+                published = tick_time_ns(tick, self._ticks_per_second)
+                logged = log_time_ns(published, AFTER_ALL_STEPS)
+            else:
+                logged = published = self._wall.instant_ns(tick)
+            self._writer.write(topic, cdr, logged, published, sequence)
 
     def _may_go(self, held: _Held) -> bool:
         return (
