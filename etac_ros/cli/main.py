@@ -314,14 +314,17 @@ def robustness(
     factor: Annotated[
         float, typer.Option(min=1.0, help="A run holds up to so many times the steady error of ideal links.")
     ] = 3.0,
+    spacecraft: Annotated[
+        str, typer.Option(help="Sizes of a formation on its radio, with commas; empty for none.")
+    ] = "4,8,12,16,24,32",
     set_: Set = None,
-    write: Annotated[Path | None, typer.Option(help="Write the maps as Markdown.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all as Markdown, with pictures beside it.")] = None,
 ) -> None:
-    """Map loss and delay on the network to messages and steady error: which loops hold, and how far."""
+    """Map loss and delay to messages and steady error; cost of retransmission; how many spacecraft share a medium."""
     from etac_ros.cli.robustness import robustness_and_show
     from etac_ros.cli.show import make_console
 
-    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), make_console(), write)
+    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), spacecraft, make_console(), write)
 
 
 @app.command()
