@@ -351,13 +351,16 @@ def report(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="The run's bag; more of them are laid over it.")],
     output: Annotated[Path | None, typer.Option(help="Folder of the report; default: report in the first bag.")] = None,
     against: Annotated[list[Path] | None, typer.Option(help="One more bag, as if it stood behind the others.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write the figures as SVG and PDF there, for papers.")
+    ] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bags name.")] = False,
 ) -> None:
     """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
     from etac_ros.report import write_report
 
     first, *others = bags
-    typer.echo(f"report: {write_report(first, [*others, *(against or ())], output, trust=trust)}")
+    typer.echo(f"report: {write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures)}")
 
 
 @app.command()
