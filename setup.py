@@ -42,6 +42,7 @@ setup(
         ("share/etac_ros/launch", sorted(glob("launch/*.launch.py"))),
     ],
     install_requires=[
+        "dpkt",
         "lz4",
         "matplotlib",
         "mcap>=1.5",
@@ -76,6 +77,7 @@ setup(
             "pytest",
             "pytest-xdist",
             "ruff",
+            "scapy",
             "types-PyYAML",
         ],
     },

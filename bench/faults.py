@@ -383,7 +383,7 @@ its part of the drain changes nothing: exit 0, and a complete bag.
 - *left behind*: processes and files in shared memory.
 - *lost*: wall time of samples that the coordinator had told of and that are not in the bag; and messages that it knew
   to be delivered and that are not. (The goal is one second and none.) Only a recorder that is killed loses anything:
-  what it had taken and not yet written, and what nobody can send it any more.
+  what it had not acknowledged yet, and what nobody can send it any more. What it acknowledges is in the file.
 
 {to_markdown(head, rows)}
 

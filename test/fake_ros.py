@@ -16,7 +16,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
-from etac_ros.engines.ros import coordinator, endpoints, module_node, run_node
+from etac_ros.engines.ros import convener, coordinator, endpoints, module_node, run_node
 from etac_ros.engines.ros.coordinator import CoordinatorNode
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.endpoints import Spinner
@@ -41,7 +41,8 @@ class Handle:
         if not self.waiting:
             return None
         data, number = self.waiting.popleft()
-        return data if raw else deserialize_message(data, kind), {"publication_sequence_number": number}
+        info = {"publication_sequence_number": number, "source_timestamp": 0, "received_timestamp": 0}
+        return data if raw else deserialize_message(data, kind), info
 
 
 @dataclass
@@ -175,6 +176,7 @@ class Sink:
     bus: Bus
     written: list[tuple[str, bytes, int, int, int]] = field(default_factory=list)
     placed: list[int] = field(default_factory=list)
+    safe: int = 0
     closed: int = 0
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
@@ -184,6 +186,9 @@ class Sink:
     def placed_until(self, tick_time_ns: int) -> None:
         assert not self.closed
         self.placed.append(tick_time_ns)
+
+    def secure(self) -> None:
+        self.safe = len(self.written)
 
     def close(self) -> None:
         self.closed += 1
@@ -202,7 +207,7 @@ class World:
         self.clock = Clock()
         patch.setattr(run_node, "Node", self.bus.node)
         patch.setattr(endpoints, "_rclpy", SimpleNamespace(WaitSet=WaitSet))
-        for module in (coordinator, module_node):
+        for module in (convener, coordinator, module_node):
             patch.setattr(module, "time", self.clock)
         self.plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), windows, token)
         self.sinks: list[Sink] = []

@@ -89,6 +89,17 @@ def test_truth_waits_no_longer_than_half_a_second(tmp_path, graph, clock):
         assert order(tmp_path / "bag") == [1, -3, -7]
 
 
+def test_what_is_secured_is_in_the_file_and_truth_that_waits_still_waits(tmp_path, graph, clock):
+    with RunBag(tmp_path / "bag", graph, {}, {}) as bag:
+        truth(bag, 0)
+        truth(bag, 4)
+        said(bag, graph, 1, 1)
+        bag.placed_until(tick_time_ns(4, RATE))
+        assert order(tmp_path / "bag") == []
+        bag.secure()
+        assert order(tmp_path / "bag") == [1, -3]
+
+
 def test_truth_that_waits_has_a_limit_of_size(tmp_path, graph, clock):
     with RunBag(tmp_path / "bag", graph, {}, {}) as bag:
         for first in range(0, 1024 * 40, 1024):

@@ -28,6 +28,7 @@ FLOORS = [
     "modules",
     "timing",
     "bag",
+    "capture",
     "engines",
     "scenario",
     "metrics",

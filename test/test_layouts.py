@@ -13,7 +13,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from etac_ros.runs import layouts_of, run_in_process
-from etac_ros.scenario.load import available, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import available
 
 SHARE = Path(__file__).parents[1] / "share"
 SHORT = {"wu2018": "40", "qi2022": "4", "shi2022": "5", "flexible": "10", "xie2021": "5"}

@@ -209,6 +209,23 @@ def test_a_message_log_is_acknowledged_once_all_of_it_is_written(monkeypatch: py
     assert [note(data)["is"] for data in world.bus.said("/emulation/recorded")] == [{"log": 1}, {"log": 2}]
 
 
+def test_nothing_is_acknowledged_that_a_kill_could_still_take_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(scenario_of("wu2018"), monkeypatch)
+    recorder = world.recorder
+    safe_when_said: list[int] = []
+
+    class Told:
+        def publish(self, message: object) -> None:
+            safe_when_said.append(len(world.sink.written) - world.sink.safe)
+
+    monkeypatch.setattr(recorder, "_recorded", Told())
+    link = next(iter(world.plan.graph.links.values()))
+    recorder._waiting[link.name, 1] = b"x"
+    recorder._on_message_log({"log": 1, "transits": [[link.name, 1, 5, 0]]}, 1)
+    assert world.sink.written
+    assert safe_when_said == [0]
+
+
 def test_a_run_waits_for_a_recorder_that_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is told of its messages' places a log at a time, and the run is never more than four logs ahead."""
     scenario = load("wu2018", "periodic", ["duration_s=30", "sensor.trigger.period_s=0.03125"])

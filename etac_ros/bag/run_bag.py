@@ -113,6 +113,10 @@ class RunBag:
         self._placed_ns = max(self._placed_ns, tick_time_ns)
         self._release()
 
+    def secure(self) -> None:
+        """Hand what is written to the operating system: a kill cannot take it back. Truth that waits still waits."""
+        self._writer.flush()
+
     def flush(self) -> None:
         """Hand all that there is to the operating system, truth that waits included."""
         self._release(everything=True)

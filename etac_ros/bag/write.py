@@ -201,7 +201,7 @@ class BagWriter:
         channels = {}
         for topic in self._topics:
             keys = {
-                "offered_qos_profiles": offered_qos_yaml(topic.latched),
+                "offered_qos_profiles": offered_qos_yaml(topic.reliability.value, topic.latched),
                 "topic_type_hash": definitions[topic.type_name][1],
                 **to_channel_metadata(topic),
             }

@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from etac_ros import __version__
-from etac_ros.cli.streams import hold_standard_streams
+from etac_ros.cli import complete
+from etac_ros.cli.interrupts import NOTHING_KEPT, Interrupted
+from etac_ros.cli.streams import hold_standard_streams, outlive_readers
 from etac_ros.engines.ros.limits import refused_by_system
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, ScenarioError
 
+
+class _Ended(Exception):
+    """The user has interrupted a command; says what is kept."""
+
+
+class _Commands(TyperGroup):
+    """Commands whose interrupts are told: typer would end the process without a word."""
+
+    def invoke(self, context: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt as interrupt:
+            kept = interrupt.kept if isinstance(interrupt, Interrupted) else NOTHING_KEPT
+            raise _Ended(f"interrupted: {kept}") from None
+
+
 app = typer.Typer(
     name="etac",
+    cls=_Commands,
     help="Event-triggered attitude control as a graph of networked modules over ROS 2.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -34,6 +53,22 @@ class Engine(StrEnum):
 
     ros = "ros"
     inprocess = "inprocess"
+
+
+class ClockKind(StrEnum):
+    """Which time a run goes by."""
+
+    sim = "sim"
+    wall = "wall"
+
+
+def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
+    """Simulated seconds a second; None in simulated time."""
+    if clock is ClockKind.wall:
+        return rate
+    if rate != 1.0 or strict:
+        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+    return None
 
 
 class Spread(StrEnum):
@@ -53,8 +88,19 @@ class Format(StrEnum):
     npz = "npz"
 
 
-ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
-Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
+Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
+Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
+ScenarioName = Annotated[
+    str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        help="A named set of changes in the file; `etac list NAME` says which.", autocompletion=complete.variants
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no tables and no progress; errors are still said.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
 QuietS = Annotated[
     float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
@@ -62,7 +108,19 @@ QuietS = Annotated[
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
-@app.command()
+class CommandWithCapture(TyperCommand):
+    """A command whose option ``--capture`` may have a value, or none: typer has no such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The word behind ``--capture`` is its value where it is the name of a pcapng file."""
+        given = list(args)
+        for place, word in enumerate(args):
+            if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
+                given[place] = "--capture="
+        return super().parse_args(ctx, given)
+
+
+@app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -86,10 +144,20 @@ def run(
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
     ] = None,
     quiet_s: QuietS = QUIET_S,
+    capture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.pcapng]", help="Count every byte on the wire, by topic, cause and layer; keep the frames."
+        ),
+    ] = None,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
-    from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
-    from etac_ros.cli.show import make_console
+    from etac_ros.cli.outputs import console_beside
+    from etac_ros.cli.run import RunRequest, run_and_show
 
     request = RunRequest(
         scenario,
@@ -104,10 +172,11 @@ def run(
         record_windows,
         only,
         quiet_s,
+        rate_of_clock(clock, rate, strict),
+        strict,
+        capture,
     )
-    console = make_console()
-    console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way
-    run_and_show(request, console)
+    run_and_show(request, console_beside(json, quiet))
 
 
 @app.command()
@@ -145,10 +214,13 @@ def sweep(
     replay: Annotated[int | None, typer.Option(metavar="SAMPLE", help="Run one sample of the sweep alone.")] = None,
     engine: Annotated[Engine, typer.Option(help="For --replay.")] = Engine.inprocess,
     bag: Annotated[Path | None, typer.Option(help="For --replay: directory of a bag.")] = None,
-    json: Annotated[Path | None, typer.Option(help="For --replay: write the summary to a file.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(help="For --replay: write the summary to a file; - is standard output.")
+    ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario many times over starts, noise and a grid of values; the same command goes on after a break."""
-    from etac_ros.cli.show import make_console
+    from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.sweep import SweepRequest, sweep_and_show
 
     request = SweepRequest(
@@ -166,8 +238,7 @@ def sweep(
         bag=bag,
         json=json,
     )
-    if not sweep_and_show(request, make_console()):
-        raise typer.Exit(INTERRUPTED)
+    sweep_and_show(request, console_beside(json, quiet))
 
 
 @app.command()
@@ -175,22 +246,27 @@ def reproduce(
     scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
     engine: Annotated[Engine, typer.Option(help="For the measured figures.")] = Engine.ros,
     write: Annotated[Path | None, typer.Option(help="Write the table as Markdown.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the rows to a file.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the rows to a file; - is standard output.")] = None,
+    afresh: Annotated[
+        bool, typer.Option("--afresh", help="Measure anew what an interrupted call has left, too.")
+    ] = False,
     bands: Annotated[
         bool, typer.Option("--bands", help="Make the stored sweeps that are stale anew, and nothing else.")
     ] = False,
     runs: Annotated[int, typer.Option(min=2, help="For --bands: dispersed runs of each variant, at least.")] = 12,
     workers: Annotated[int | None, typer.Option(min=1, help="For --bands: processes; default: one a core.")] = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Put every figure that the papers publish beside a measured one, its spread, and a verdict."""
+    """Put every figure of the papers beside a measured one, with a verdict; the same command goes on after a break."""
+    from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.reproduce import make_bands
     from etac_ros.cli.reproduce import reproduce as reproduce_
-    from etac_ros.cli.show import make_console
 
+    console = console_beside(json, quiet)
     if bands:
-        make_bands(scenarios or (), runs, workers, make_console())
+        make_bands(scenarios or (), runs, workers, console)
     else:
-        reproduce_(scenarios or (), engine.value, make_console(), write, json)
+        reproduce_(scenarios or (), engine.value, console, write, json, afresh)
 
 
 @app.command()
@@ -295,15 +371,19 @@ def layout(
 
 
 @app.command("list")
-def list_() -> None:
+def list_(
+    scenario: Annotated[
+        str | None, typer.Argument(help="Say what each variant of this one changes.", autocompletion=complete.scenarios)
+    ] = None,
+) -> None:
     """List the scenarios and their variants."""
-    from etac_ros.scenario.load import config_folders, load
+    from etac_ros.cli.listing import list_scenarios, list_variants
+    from etac_ros.tables.terminal import make_console
 
-    for path in sorted({path for folder in config_folders() for path in folder.glob("*.yaml")}):
-        found = load(str(path))
-        typer.echo(f"{found.name:12} {found.run.title}")
-        if found.variants:
-            typer.echo(f"{'':12} variants: {', '.join(found.variants)}")
+    if scenario is None:
+        list_scenarios(make_console())
+    else:
+        list_variants(scenario, make_console())
 
 
 @app.command()
@@ -312,11 +392,14 @@ def node(
     params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
 @app.command()
@@ -357,10 +440,16 @@ def report(
     trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bags name.")] = False,
 ) -> None:
     """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
+    from etac_ros.cli.interrupts import keeping
+    from etac_ros.cli.progress import steps
+    from etac_ros.cli.show import make_console
     from etac_ros.report import write_report
 
     first, *others = bags
-    typer.echo(f"report: {write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures)}")
+    unfinished = f"{output or first / 'report'} is not complete; the same command draws it anew"
+    with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
+        page = write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures, say=say)
+    typer.echo(f"report: {page}")
 
 
 @app.command()
@@ -405,18 +494,13 @@ def _drop_output() -> None:
 def main() -> None:
     """Entry point. Errors are for people: no traceback, and an exit code that tells bad input from a failed run."""
     hold_standard_streams()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters shows others
-            stream.reconfigure(errors="replace")
+    outlive_readers()
     try:
         app()
         sys.stdout.flush()  # while there is somebody to tell that it failed
     except EtacError as error:
         print(f"etac: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT if isinstance(error, ScenarioError) else FAILED_RUN)
-    except BrokenPipeError:  # whoever read our output has seen enough
-        _drop_output()
-        sys.exit(FAILED_RUN)
     except (MemoryError, ImportError, OSError) as error:
         refused: object = refused_by_system(error, "this process")
         if refused is None and isinstance(error, OSError):
@@ -426,6 +510,6 @@ def main() -> None:
         print(f"etac: {refused}", file=sys.stderr)
         _drop_output()
         sys.exit(FAILED_RUN)
-    except KeyboardInterrupt:
-        print("etac: interrupted; what had happened until then is in the bag", file=sys.stderr)
+    except _Ended as ended:
+        print(f"etac: {ended}", file=sys.stderr)
         sys.exit(INTERRUPTED)

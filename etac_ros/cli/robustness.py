@@ -7,10 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
+from etac_ros.cli.outputs import check_output, write_output
+from etac_ros.cli.progress import steps
 from etac_ros.errors import ScenarioError
 from etac_ros.robustness.grid import robustness
 from etac_ros.robustness.write import furthest_table, map_table, page
-from etac_ros.scenario.load import available
+from etac_ros.scenario.places import available
 from etac_ros.tables.terminal import show
 
 
@@ -30,13 +32,12 @@ def robustness_and_show(
     ScenarioError
         If a scenario cannot be loaded, or the grid is none.
     """
-    if write is not None and not write.parent.is_dir():
-        raise ScenarioError(f"--write {write}", f"there is no folder {write.parent}", "a folder that exists")
+    check_output("--write", write)
     rows, columns = _numbers("--losses", losses), _numbers("--delays", delays)
     found = []
     for name in names or available():
-        with console.status(name) as status:
-            done = robustness(name, rows, columns, factor, overrides, status.update)
+        with steps(console, name) as say:
+            done = robustness(name, rows, columns, factor, overrides, say)
         found.append(done)
         for which in done.maps:
             console.print()
@@ -44,7 +45,7 @@ def robustness_and_show(
     console.print()
     show(furthest_table(found), console)
     if write is not None:
-        write.write_text(page(found), encoding="utf-8")
+        write_output("--write", write, page(found))
         console.print(f"page: {write}", soft_wrap=True)
 
 

@@ -29,6 +29,8 @@ from etac_ros.parameters import (
 )
 from etac_ros.plants.start import Rotation, note_on_start, start_attitude, start_of_euler_321
 
+STATES = 7
+
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE, _CONSTANT, _SINE, _COSINE, _FREQUENCY = 0, 9, 18, 21, 24, 27
 

@@ -31,6 +31,8 @@ from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import FloatArray, Inertia, Parameters, Vector3, square, vector
 from etac_ros.plants.mrp_reference import MrpReference, mrp_reference
 
+STATES = 6
+
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE = 0, 9
 

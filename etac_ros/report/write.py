@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +34,7 @@ def write_report(
     *,
     trust: bool = False,
     figures: Path | None = None,
+    say: Callable[[str], None] = lambda step: None,
 ) -> Path:
     """Draw a report from bags alone: one PNG file a figure, and one page that shows them all, to zoom and read off.
 
@@ -51,6 +52,8 @@ def write_report(
         Without them the report leaves out what only they can tell.
     figures
         Folder for the figures as SVG and PDF, made if it is not there; None writes none.
+    say
+        Told what is being done.
 
     Returns
     -------
@@ -75,6 +78,7 @@ def write_report(
         drawn = []
         for kind in FIGURES:
             if kind.applies(view):
+                say(f"{bag}: drawing {kind.name}")
                 drawn.append(_drawn(kind, view))
                 (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
                 if figures is not None:

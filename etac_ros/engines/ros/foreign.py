@@ -10,12 +10,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from etac_ros.engines.ros.endpoints import Subscription, name_of
-from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
-from etac_ros.graph.graph import Link
+from etac_ros.graph.graph import Link, Reliability
 
-Listen = Callable[[type, str, Callable[[Any, int], None]], Subscription]
+Listen = Callable[[Link, Callable[[Any, int], None]], Subscription]
 """Subscribes to a topic of a foreign node."""
 
 _LOOK_S = 1.0
@@ -33,21 +32,23 @@ class Foreign:
     sent
         Messages that each link is known to owe so far; read as it grows.
     listen
-        Subscribes the coordinator.
+        Subscribes the coordinator; None where nobody is asked for anything, as in real time, so that no answers are
+        counted here.
     """
 
-    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen) -> None:
+    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen | None) -> None:
         graph = plan.graph
         self._plan = plan
         self._node = node
         self._sent = sent
         self._answers: dict[str, Subscription] = {}
+        self._topics = [link for link in graph.links.values() if link.sender in graph.external]
         self._looked = time.monotonic()
         self._said: set[str] = set()
         self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
-        for link in graph.links.values():
-            if link.sender in graph.external:
-                self._answers[link.name] = listen(message_type(link.wire), link.topic, self._check_lead(link))
+        if listen is not None:
+            for link in self._topics:
+                self._answers[link.name] = listen(link, self._check_lead(link))
 
     def complete(self) -> bool:
         """Whether all answers that were asked for have come."""
@@ -55,9 +56,7 @@ class Foreign:
 
     def fits(self) -> bool:
         """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
-        return all(
-            any(self._joins(link, end) for end in self._publishers(link)) for link in map(self._link, self._answers)
-        )
+        return all(any(self._joins(link, end) for end in self._publishers(link)) for link in self._topics)
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
@@ -127,7 +126,7 @@ class Foreign:
 
     def _is_time(self) -> bool:
         now = time.monotonic()
-        due = now - self._looked >= _LOOK_S and bool(self._answers or self._questions)
+        due = now - self._looked >= _LOOK_S and bool(self._topics or self._questions)
         if due:
             self._looked = now
         return due
@@ -149,13 +148,13 @@ class Foreign:
         return list(self._node.get_publishers_info_by_topic(link.topic))
 
     def _joins(self, link: Link, end: Any) -> bool:
-        reliable = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
-        return reliable and end.topic_type == link.wire.type_name
+        offers = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
+        return (offers or _best_effort(link)) and end.topic_type == link.wire.type_name
 
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
-        for link in map(self._link, self._answers):
+        for link in self._topics:
             for end in self._publishers(link):
                 if end.topic_type != link.wire.type_name:
                     found.append(
@@ -175,4 +174,10 @@ class Foreign:
                     )
                 elif end.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
                     found.append(f"{name_of(end)} asks for transient local on {link.topic}; offered: volatile")
+                elif _best_effort(link) and end.qos_profile.reliability is ReliabilityPolicy.RELIABLE:
+                    found.append(f"{name_of(end)} asks for reliable on {link.topic}; offered: best effort")
         return found
+
+
+def _best_effort(link: Link) -> bool:
+    return link.qos.reliability is Reliability.BEST_EFFORT

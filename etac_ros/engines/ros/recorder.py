@@ -33,6 +33,10 @@ class Sink(Protocol):
         """Take note that all messages up to a simulated time are written, so that truth up to there may follow."""
         ...
 
+    def secure(self) -> None:
+        """Make what is written survive a kill."""
+        ...
+
     def close(self) -> None:
         """Complete the bag."""
         ...
@@ -132,13 +136,15 @@ class RecorderNode(RunNode):
         def on_message(data: bytes, sequence: int) -> None:
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
-            self._acknowledge()
             self._let_truth_follow()
+            self._acknowledge()
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
         kind = message_type(link.wire)
-        self._received[link.topic] = self.subscription(kind, link.topic, on_message, raw=True, foreign=foreign)
+        self._received[link.topic] = self.subscription(
+            kind, link.topic, on_message, raw=True, foreign=foreign, qos=link.qos
+        )
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
@@ -167,8 +173,8 @@ class RecorderNode(RunNode):
             self._tick = max(self._tick, tick)
             self._logged = max(self._logged, tick)
             self._sort_in(name, number)
-        self._acknowledge()
         self._let_truth_follow()
+        self._acknowledge()
         self.settle()
 
     def _record_air(self, told: Any) -> None:
@@ -181,8 +187,9 @@ class RecorderNode(RunNode):
             self._write(AIR, cdr, told["tick"], AFTER_ALL_STEPS, self._air_tables)
 
     def _acknowledge(self) -> None:
-        """Tell the coordinator up to which message log all is written, so that the run does not leave us behind."""
+        """Tell the coordinator up to which message log all is safe, so that the run does not leave us behind."""
         if self._log > self._acknowledged and not self._places:
+            self._bag().secure()  # first: what is acknowledged is not lost, whoever kills us
             self._acknowledged = self._log
             self._recorded.publish(self.note({"log": self._log}))
 
