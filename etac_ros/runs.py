@@ -156,13 +156,17 @@ def open_bag(
     if wall is not None:
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state)
+        state = None if state is None else state_streams(scenario, wall)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall)
 
 
-def state_streams(scenario: Scenario) -> StateStreams | None:
-    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none."""
+def state_streams(scenario: Scenario, wall: WallClock | None = None) -> StateStreams | None:
+    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none.
+
+    ``wall`` is the clock of a run in real time.
+    """
     rate_hz = scenario.run.state_rate_hz
-    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz)
+    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz, wall)
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
