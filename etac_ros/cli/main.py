@@ -471,6 +471,24 @@ def export(
         typer.echo(f"table: {path}")
 
 
+@app.command()
+def play(
+    bag: BagPath,
+    rate: Annotated[float, typer.Option(help="Seconds of the bag a second; inf: as fast as possible.")] = 1.0,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="A topic, or what it begins with; repeatable. Default: all but /emulation.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Publish /emulation too.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin only when somebody listens.")] = False,
+) -> None:
+    """Publish a bag as ROS topics, with /clock: for rviz, Foxglove's bridge, or a node of one's own."""
+    from etac_ros.cli.play import play_bag
+    from etac_ros.cli.show import make_console
+
+    play_bag(bag, rate, domain, topic or (), everything, wait, make_console())
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"etac_ros {__version__}")
