@@ -62,12 +62,12 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
-    """Simulated seconds a second; None in simulated time."""
+def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False) -> float | None:
+    """Simulated seconds a second of a run in real time; None in simulated time."""
     if clock is ClockKind.wall:
-        return rate
-    if rate != 1.0 or strict:
-        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+        return 1.0 if rate is None else rate
+    if strict:
+        raise ScenarioError("--strict", "is for --clock wall", "", "add --clock wall")
     return None
 
 
@@ -89,7 +89,10 @@ class Format(StrEnum):
 
 
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
-Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(help="Simulated seconds a second: of real time (default: 1), or at most, to watch simulated time."),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
@@ -151,7 +154,7 @@ def run(
         ),
     ] = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
     quiet: Quiet = False,
 ) -> None:
@@ -175,6 +178,7 @@ def run(
         rate_of_clock(clock, rate, strict),
         strict,
         capture,
+        pace=rate if clock is ClockKind.sim else None,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -393,12 +397,16 @@ def node(
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
+    if rate is not None and clock is ClockKind.sim:
+        raise ScenarioError(
+            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
+        )
     play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
