@@ -59,8 +59,7 @@ class RunBag:
     state
         What shows the state of the bodies; None shows none.
     wall
-        The clock of a run in real time, by which its messages are timed; None in simulated time. A body is shown to
-        hold a torque from the tick after the one in which the recorder got it; what it really held is in its ledger.
+        The instants of ticks in a run in real time: they are then the times of the state, too.
 
     Raises
     ------
@@ -93,7 +92,9 @@ class RunBag:
         self._wall = wall
         self._plants = {truth_topic(plant).name: plant for plant in graph.plants}
         self._to_plants = {
-            link.topic: link for link in graph.links.values() if state is not None and state.hears(link.name)
+            link.topic: link
+            for link in graph.links.values()
+            if state is not None and wall is None and state.hears(link.name)
         }
         shown = () if state is None else state.topics
         self._writer = BagWriter(
@@ -157,21 +158,18 @@ class RunBag:
     def _note_input(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         assert self._state is not None
         link = self._to_plants[topic]
-        if self._wall is None:
-            tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
-        else:
-            tick, step = self._wall.tick_at(log_time_ns) + 1, 0
+        tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
         self._state.take_message(link.name, sequence, tick, step, decode(link.wire.type_name, cdr))
 
     def _show(self, state: StateStreams, everything: bool) -> None:
-        at_once = everything or self._wall is not None
-        until = sys.maxsize if at_once else tick_of(self._placed_ns, self._ticks_per_second)
+        whole = everything or self._wall is not None  # in real time no torque is shown that would have to be waited for
+        until = sys.maxsize if whole else tick_of(self._placed_ns, self._ticks_per_second)
         for topic, cdr, tick, sequence in state.ready(until, everything):
             if self._wall is None:
                 published = tick_time_ns(tick, self._ticks_per_second)
                 logged = log_time_ns(published, AFTER_ALL_STEPS)
             else:
-                logged = published = self._wall.instant_ns(tick)
+                published = logged = self._wall.instant_ns(tick)
             self._writer.write(topic, cdr, logged, published, sequence)
 
     def _may_go(self, held: _Held) -> bool:

@@ -62,12 +62,12 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
-    """Simulated seconds a second; None in simulated time."""
+def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False) -> float | None:
+    """Simulated seconds a second of a run in real time; None in simulated time."""
     if clock is ClockKind.wall:
-        return rate
-    if rate != 1.0 or strict:
-        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+        return 1.0 if rate is None else rate
+    if strict:
+        raise ScenarioError("--strict", "is for --clock wall", "", "add --clock wall")
     return None
 
 
@@ -89,7 +89,10 @@ class Format(StrEnum):
 
 
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
-Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(help="Simulated seconds a second: of real time (default: 1), or at most, to watch simulated time."),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
@@ -151,7 +154,7 @@ def run(
         ),
     ] = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
     quiet: Quiet = False,
 ) -> None:
@@ -175,6 +178,7 @@ def run(
         rate_of_clock(clock, rate, strict),
         strict,
         capture,
+        pace=rate if clock is ClockKind.sim else None,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -396,12 +400,16 @@ def node(
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
+    if rate is not None and clock is ClockKind.sim:
+        raise ScenarioError(
+            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
+        )
     play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
@@ -437,6 +445,9 @@ def report(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="The run's bag; more of them are laid over it.")],
     output: Annotated[Path | None, typer.Option(help="Folder of the report; default: report in the first bag.")] = None,
     against: Annotated[list[Path] | None, typer.Option(help="One more bag, as if it stood behind the others.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write the figures as SVG and PDF there, for papers.")
+    ] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bags name.")] = False,
 ) -> None:
     """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
@@ -448,7 +459,7 @@ def report(
     first, *others = bags
     unfinished = f"{output or first / 'report'} is not complete; the same command draws it anew"
     with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
-        page = write_report(first, [*others, *(against or ())], output, trust=trust, say=say)
+        page = write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures, say=say)
     typer.echo(f"report: {page}")
 
 
@@ -469,6 +480,24 @@ def export(
     folder = bag / "export" if output is None else output
     for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
         typer.echo(f"table: {path}")
+
+
+@app.command()
+def play(
+    bag: BagPath,
+    rate: Annotated[float, typer.Option(help="Seconds of the bag a second; inf: as fast as possible.")] = 1.0,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="A topic, or what it begins with; repeatable. Default: all but /emulation.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Publish /emulation too.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin only when somebody listens.")] = False,
+) -> None:
+    """Publish a bag as ROS topics, with /clock: for rviz, Foxglove's bridge, or a node of one's own."""
+    from etac_ros.cli.play import play_bag
+    from etac_ros.cli.show import make_console
+
+    play_bag(bag, rate, domain, topic or (), everything, wait, make_console())
 
 
 def _version(wanted: bool) -> None:

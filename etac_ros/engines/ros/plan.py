@@ -54,6 +54,8 @@ class Plan:
         How long a node may owe an answer, or stand still, before it is reported [s].
     wall
         How it runs in real time; None for simulated time.
+    pace
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
     """
 
     scenario: str
@@ -64,6 +66,7 @@ class Plan:
     token: str = ""
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
+    pace: float | None = None
 
     @property
     def clock(self) -> str:
