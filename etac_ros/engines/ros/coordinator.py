@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -11,6 +13,7 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.foreign import Foreign
 from etac_ros.engines.ros.messages import open_note
@@ -126,9 +129,11 @@ class CoordinatorNode(RunNode):
         if not self.started:
             self._begin_if_all_are_there()
             for words in self._foreign.misfits():
-                print(f"{self.name}: {words}", flush=True)
+                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
         elif self.stop is None:
             self._foreign.check_present()
+            if words := self._foreign.slow():
+                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
         if self._dispatcher.steps != self._steps:  # the run gets on, whoever brought that about
             self._steps = self._dispatcher.steps
             self._heard = time.monotonic()
@@ -138,7 +143,7 @@ class CoordinatorNode(RunNode):
         if not self.started:
             missing = [name for name in self.plan.nodes if name not in self._greeted]
             if patient:
-                print(f"{self.name}: still waiting for {', '.join(missing)}", flush=True)
+                print(f"{self.name}: {self._waiting_for(missing)}", file=sys.stderr, flush=True)
                 return
             raise RunError(
                 f"node {', '.join(missing)}",
@@ -156,6 +161,11 @@ class CoordinatorNode(RunNode):
             )
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
         raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
+
+    def _waiting_for(self, missing: Sequence[str]) -> str:
+        foreign = [] if missing else self._foreign.absent()
+        domain = os.environ.get(DOMAIN_VARIABLE, "0")
+        return f"in ROS domain {domain}, still waiting for {', '.join([*missing, *foreign]) or 'nobody'}"
 
     def excuse(self) -> None:
         """Silence counts from now on: a process of the run was stopped, or computes."""
@@ -204,9 +214,11 @@ class CoordinatorNode(RunNode):
         self.began = self._told = time.perf_counter()
         self._dispatcher.begin()
 
-    def _listen_to_foreign(self, kind: type, topic: str, callback: Callable[[Any, int], None]) -> Subscription:
-        """A subscription to what a foreign node sends, as bytes."""
-        return self.subscription(kind, topic, callback, raw=True, foreign=True)
+    def _listen_to_foreign(
+        self, kind: type, topic: str, callback: Callable[[Any, int], None], foreign: bool
+    ) -> Subscription:
+        """A subscription to what a foreign node sends, or is asked, as bytes."""
+        return self.subscription(kind, topic, callback, raw=True, foreign=foreign)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:

@@ -149,6 +149,8 @@ class Subscription:
     ----------
     strangers
         Messages that were not of this run.
+    published_ns
+        When the message that is being handed out was published, by the clock of its publisher's machine [ns].
     """
 
     def __init__(
@@ -167,6 +169,7 @@ class Subscription:
         self.topic = topic
         self.count = Count()
         self.strangers = 0
+        self.published_ns = 0
         self._node = node
         self._kind = kind
         self._raw = raw
@@ -220,6 +223,7 @@ class Subscription:
                 self._base = sequence - 1
             self.count.messages += 1
             self.count.cdr_bytes += size
+            self.published_ns = int(info["source_timestamp"])
             number = sequence - self._base
             if self._continuous and number != self.count.messages:
                 raise RunError(

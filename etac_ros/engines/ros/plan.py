@@ -102,6 +102,10 @@ class Plan:
         return COORDINATOR
 
     def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
-        """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""
+        """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones.
+
+        What is asked of a foreign node is heard by the coordinator, too, where all run on one machine.
+        """
         own = tuple(name for name in link.receivers if name not in self.graph.external)
-        return (*own, RECORDER), len(link.receivers) - len(own)
+        foreign = len(link.receivers) - len(own)
+        return (*own, RECORDER, *((COORDINATOR,) if foreign and self.token else ())), foreign
