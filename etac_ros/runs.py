@@ -2,38 +2,50 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import secrets
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
-from etac_ros.bag.definitions import schema_text
+from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
+from etac_ros.bag.run_metadata import of_wall_clock
+from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
-from etac_ros.graph.topics import type_of, window_topic
+from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
+from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
 from etac_ros.timing.windows import WindowPolicy
+
+if TYPE_CHECKING:
+    from etac_ros.engines.ros.plan import RealTime
 
 _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
@@ -125,12 +137,55 @@ def bag_metadata(scenario: Scenario, engine: str) -> dict[str, str]:
     }
 
 
-def open_bag(scenario: Scenario, directory: Path, engine: str, extra: tuple[TopicDescription, ...] = ()) -> RunBag:
-    """Create the bag of a run, with the complete parameter file inside."""
+def open_bag(
+    scenario: Scenario,
+    directory: Path,
+    engine: str,
+    extra: tuple[TopicDescription, ...] = (),
+    state: StateStreams | None = None,
+    wall: WallClock | None = None,
+) -> RunBag:
+    """Create the bag of a run, with the complete parameter file inside.
+
+    ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time.
+    """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
     derive_with = scenario.build() if foreign_classes(scenario.classes) else None
-    return RunBag(directory, scenario.graph, attachments, bag_metadata(scenario, engine), extra, derive_with)
+    metadata = bag_metadata(scenario, engine)
+    if wall is not None:
+        metadata |= of_wall_clock(wall)
+        extra += ledger_topics(scenario.graph)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state)
+
+
+def state_streams(scenario: Scenario) -> StateStreams | None:
+    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none."""
+    rate_hz = scenario.run.state_rate_hz
+    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz)
+
+
+def layouts_of(scenario: Scenario) -> dict[str, str]:
+    """Layouts for bags of a scenario's runs, by file name: for Foxglove, and for PlotJuggler.
+
+    Raises
+    ------
+    ScenarioError
+        If its bags show no state.
+    """
+    state = state_streams(scenario)
+    if state is None:
+        raise ScenarioError("state_rate_hz", "is 0, so its bags show no state", "a rate, or no such key")
+    return {
+        f"{scenario.name}.foxglove.json": foxglove(scenario.graph, state.topics),
+        f"{scenario.name}.plotjuggler.xml": plotjuggler(scenario.graph, state.topics),
+    }
+
+
+def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
+    """What the bag of a run in real time holds besides: what each node noted down."""
+    own = [name for name in graph.modules if name not in graph.external]
+    return tuple(TopicDescription(ledger_topic(name), TABLE_TYPE, "emulation") for name in own)
 
 
 def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
@@ -214,7 +269,8 @@ def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None)
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
-        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments, derive_with)
+        metadata = bag_metadata(scenario, "inprocess")
+        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
     summary = summarise(
         scenario,
         graph,
@@ -244,6 +300,14 @@ class RosOptions:
     quiet_s
         How long a process may stand still, or a node owe an answer, before the run fails and names it [s]. A shorter
         pause costs time and nothing else.
+    rate
+        Simulated seconds a second, for a run in real time; None runs in simulated time.
+    strict
+        In real time: the first missed tick ends the run.
+    capture
+        Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
+    keep_capture
+        Keep what was captured in this pcapng file.
     """
 
     processes: str = "node"
@@ -251,6 +315,35 @@ class RosOptions:
     record_windows: bool = False
     only: str | None = None
     quiet_s: float = QUIET_S
+    rate: float | None = None
+    strict: bool = False
+    capture: bool = False
+    keep_capture: Path | None = None
+
+
+def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
+    """How a run goes in real time; None for simulated time.
+
+    Raises
+    ------
+    ScenarioError
+        If it cannot.
+    """
+    if options.rate is None:
+        return None
+    from etac_ros.engines.ros.plan import RealTime
+
+    if not 0.0 < options.rate < float("inf"):
+        raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
+    emulated = [link.name for link in scenario.graph.links.values() if not link.is_ideal]
+    if emulated:
+        raise ScenarioError(
+            f"--clock wall: links {', '.join(emulated)}",
+            "have an emulated delay, loss, medium or acknowledgement, whose outcome is in simulated time",
+            "ideal links: in real time the network is what delays and loses",
+            "leave these keys out, or run in simulated time",
+        )
+    return RealTime(rate_of(options.rate), options.strict)
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
@@ -275,7 +368,9 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     if options.domain is None:
         raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
     check_domain(options.domain, "--join")
-    plan = Plan(scenario.name, scenario.digest, scenario.graph, windows_of(scenario), quiet_s=options.quiet_s)
+    wall = real_time(options, scenario)
+    windows = windows_of(scenario)
+    plan = Plan(scenario.name, scenario.digest, scenario.graph, windows, quiet_s=options.quiet_s, wall=wall)
     if COORDINATOR in plan.part(options.only):
         return False
     warm_up(scenario)
@@ -329,28 +424,34 @@ def run_over_ros(
     from etac_ros.engines.ros.launcher import Launcher, Processes
     from etac_ros.engines.ros.plan import Plan
     from etac_ros.engines.ros.signals import SignalGuard
+    from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     began = time.perf_counter()
     windows = windows_of(scenario)
     check_writable(bag)
     graph = checked_graph(scenario)
+    wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token, options.quiet_s)
+    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token, options.quiet_s, wall)
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
-    for topic in (*recorded_topics(graph), *extra):
-        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
+    state = state_streams(scenario)
+    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
+        (
+            schema_text(topic.type_name),
+            type_hash(topic.type_name),
+        )  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain)
     try:
-        with SignalGuard() as guard:
+        with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
                 plan,
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda: open_bag(scenario, bag, "ros", extra),
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall),
                 on_progress,
                 on_start,
                 guard,
@@ -363,9 +464,12 @@ def run_over_ros(
             assert outcome is not None  # this part keeps time
     finally:
         lease.release()
+    if wire:
+        write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
-    check_outcome(plan, outcome, {name: count.messages for name, count in counts.items()})
+    check = check_outcome if wall is None else check_wall_outcome
+    check(plan, outcome, {name: count.messages for name, count in counts.items()})
     recording = recorded.recording()
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
@@ -379,11 +483,39 @@ def run_over_ros(
         measured_cdr=sizes,
         memory_kib=outcome.memory_kib(),
         strangers=outcome.strangers(),
+        wire=wire[0] if wire else None,
         halted=outcome.halted,
         bag=str(bag),
+        stepped_s=_stepped_s(outcome.leave_notes),
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+@contextlib.contextmanager
+def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
+    """Captures meanwhile; what was captured is in the list afterwards, if something was."""
+    accounts: list[WireAccount] = []
+    if not options.capture:
+        yield accounts
+        return
+    from etac_ros.capture.live import CannotCapture, Capture, ports_of
+
+    with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+        path = options.keep_capture or Path(folder, "run.pcapng")
+        try:
+            capture = Capture(path, ports_of(domain))
+        except CannotCapture as error:
+            print(f"etac: {error}\netac: the run goes on, and nothing is captured", file=sys.stderr)
+            yield accounts
+            return
+        try:
+            yield accounts
+        except BaseException:
+            with contextlib.suppress(EtacError):  # what is captured of a run that failed is kept, too
+                capture.stop()
+            raise
+        accounts.append(account_of(path, graph, capture.stop()))
 
 
 def _run_in_own_process(
@@ -432,6 +564,15 @@ def _serve_run(
         tell("progress", (tick, dict(fired)))
 
     return run_over_ros(scenario, bag, options, on_progress, lambda pids: tell("start", pids)).summary
+
+
+def _stepped_s(notes: Mapping[str, Mapping[str, Any]]) -> float:
+    """How far the wall clock was set during a run in real time [s], at the node that saw the most."""
+    furthest = 0.0
+    for note in notes.values():
+        seen = float(note.get("stepped_s", 0.0))
+        furthest = seen if abs(seen) > abs(furthest) else furthest
+    return round(furthest, 3)
 
 
 def _no_bag() -> RunBag:

@@ -17,7 +17,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
-from etac_ros.engines.ros import coordinator, endpoints, module_node, run_node
+from etac_ros.engines.ros import convener, coordinator, endpoints, module_node, run_node
 from etac_ros.engines.ros.coordinator import CoordinatorNode
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.endpoints import Spinner
@@ -42,7 +42,7 @@ class Handle:
         if not self.waiting:
             return None
         data, number, published_ns = self.waiting.popleft()
-        info = {"publication_sequence_number": number, "source_timestamp": published_ns}
+        info = {"publication_sequence_number": number, "source_timestamp": published_ns, "received_timestamp": 0}
         return data if raw else deserialize_message(data, kind), info
 
 
@@ -211,7 +211,7 @@ class World:
         self.clock = Clock()
         patch.setattr(run_node, "Node", self.bus.node)
         patch.setattr(endpoints, "_rclpy", SimpleNamespace(WaitSet=WaitSet))
-        for module in (coordinator, module_node):
+        for module in (convener, coordinator, module_node):
             patch.setattr(module, "time", self.clock)
         self.plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), windows, token)
         self.sinks: list[Sink] = []

@@ -129,6 +129,19 @@ def test_who_owes_an_answer_is_named(name: str, named: str, monkeypatch: pytest.
         one.coordinator.idle(patient=True)
 
 
+@pytest.mark.parametrize(("reliability", "hinted"), [("best_effort", True), ("reliable", False)])
+def test_a_message_that_dds_may_have_lost_is_named(
+    reliability: str, hinted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind the last message of all comes none whose number would show the gap: who waits for it waits in vain."""
+    one = silent(monkeypatch, "/actuator", "duration_s=100", f"links.torque_command.reliability={reliability}")
+    one.coordinator.idle(patient=False)
+    one.clock.now += one.plan.quiet_s + 1.0
+    with pytest.raises(RunError, match="has gone quiet") as caught:
+        one.coordinator.idle(patient=False)
+    assert ("best effort: /torque_command" in str(caught.value)) == hinted
+
+
 def test_steps_are_a_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
     one = silent(monkeypatch, "/actuator", "duration_s=100")
     one.clock.now += 100.0

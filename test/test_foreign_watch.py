@@ -12,8 +12,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from etac_ros.engines.ros import foreign
 from etac_ros.engines.ros.endpoints import DATA, Subscription
 from etac_ros.engines.ros.foreign import Foreign
+from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
+from etac_ros.graph.graph import Link
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import USUAL_WINDOWS
 
@@ -36,8 +38,9 @@ class Watched:
         self.ends: list[Subscription] = []
         self.watch = Foreign(self.plan, self.bus.node("coordinator"), self.sent, self._listen)  # type: ignore[arg-type]
 
-    def _listen(self, kind: type, topic: str, callback: Any, foreign: bool) -> Subscription:
-        end = Subscription(self.bus.node("coordinator"), kind, topic, callback, raw=True, foreign=foreign)  # type: ignore[arg-type]
+    def _listen(self, link: Link, callback: Any, foreign: bool) -> Subscription:
+        kind = message_type(link.wire)
+        end = Subscription(self.bus.node("coordinator"), kind, link.topic, callback, raw=True, foreign=foreign)  # type: ignore[arg-type]
         end.open()
         self.ends.append(end)
         return end

@@ -21,7 +21,8 @@ from etac_ros.report.page import page
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.report.view import View
 from etac_ros.runs import run_in_process
-from etac_ros.scenario.load import config_folders, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import config_folders
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

@@ -16,9 +16,11 @@ from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from etac_ros.bag.clock import published_ns, step_of
 from etac_ros.bag.records import Record, damaged, records
-from etac_ros.bag.run_metadata import RECORD_NAME, unsealed
+from etac_ros.bag.run_metadata import RECORD_NAME, unsealed, wall_clock
 from etac_ros.bag.topics import TopicDescription, from_channel_metadata
 from etac_ros.errors import BagError
+from etac_ros.maths.ticks import nanoseconds
+from etac_ros.maths.wall_clock import WallClock
 
 _MESSAGE = struct.Struct("<HIQQ")
 
@@ -41,6 +43,30 @@ class RawMessage(NamedTuple):
     def step(self) -> int:
         """Its step within the tick; ValueError if the two times are not those of one step."""
         return step_of(self.log_time_ns, self.publish_time_ns)
+
+
+class RealTimeMessage(RawMessage):
+    """One message of the bag of a real-time run.
+
+    Its two times are of the wall clock: when it was received, and when it was published.
+
+    Attributes
+    ----------
+    wall
+        The instants of ticks.
+    """
+
+    wall: WallClock
+
+    @property
+    def tick_time_ns(self) -> int:
+        """Simulated time of the tick in which it was published [ns]."""
+        return nanoseconds(max(0, self.wall.tick_at(self.publish_time_ns)), self.wall.ticks_per_second)
+
+    @property
+    def step(self) -> int:
+        """None: in real time all is as it came."""
+        return 0
 
 
 class Contents:
@@ -69,6 +95,7 @@ class Contents:
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, bytes] = {}
         self.announced: dict[int, int] | None = None
+        self._wall: WallClock | None = None
         self._types: dict[int, str] = {}
         self._chunked: bool | None = None
 
@@ -95,12 +122,17 @@ class Contents:
         # them. They are needed from there only if there are no chunks: then there is no message to spoil.
         self._keep_to_one_form(record)
         vouched = record.in_chunk or not self._chunked
+        if record.opcode == Opcode.MESSAGE:  # nearly all records are messages
+            channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
+            cdr = record.content[_MESSAGE.size :]
+            values = (self.topics[channel_id], log_time, publish_time, sequence, cdr)
+            if self._wall is None:
+                return RawMessage(*values)
+            message = RealTimeMessage(*values)
+            message.wall = self._wall
+            return message
         stream = ReadDataStream(BytesIO(record.content))
         match record.opcode:
-            case Opcode.MESSAGE:
-                channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
-                cdr = record.content[_MESSAGE.size :]
-                return RawMessage(self.topics[channel_id], log_time, publish_time, sequence, cdr)
             case Opcode.SCHEMA if vouched:
                 schema = Schema.read(stream)
                 self._types[schema.id] = schema.name
@@ -117,6 +149,7 @@ class Contents:
                 entry = Metadata.read(stream)
                 if entry.name == RECORD_NAME:
                     self.metadata = unsealed(entry.metadata)
+                    self._wall = wall_clock(self.metadata)
             case Opcode.ATTACHMENT:
                 attachment = Attachment.read(stream)
                 (crc,) = struct.unpack("<I", record.content[-4:])

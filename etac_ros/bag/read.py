@@ -15,11 +15,14 @@ from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
 from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.metadata import FILE_NAME, read_counts
-from etac_ros.bag.run_metadata import ticks_per_second
+from etac_ros.bag.run_metadata import ticks_per_second, wall_clock
 from etac_ros.bag.topics import AIR, TopicDescription
 from etac_ros.errors import BagError
 from etac_ros.graph.air import from_rows
+from etac_ros.graph.ledger import Entry
+from etac_ros.graph.ledger import from_rows as from_ledger_rows
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.topics import node_of_ledger
 from etac_ros.media.frame import Fate
 from etac_ros.parameters import FloatArray
 
@@ -113,6 +116,8 @@ class Bag:
         truth: _Chunks = {t.plant: [] for t in self.topics if t.plant is not None}
         derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None and t.derived != AIR}
         air: list[tuple[int, list[Fate]]] = []
+        wall = wall_clock(self.metadata)
+        ledgers: dict[str, list[Entry]] = {}
         for raw in self.messages():
             topic = raw.topic
             try:
@@ -125,6 +130,8 @@ class Bag:
                     air.append((raw.sequence, from_rows(rows, list(links))))
                 elif topic.derived is not None:
                     derived[topic.derived].append(self._samples(raw))
+                elif (node := node_of_ledger(topic.name)) is not None:
+                    ledgers.setdefault(node, []).extend(from_ledger_rows(decode_truth(raw.cdr)[1]))
             except ValueError as error:
                 raise self._unfit(topic.name, f"message {raw.sequence}: {error}") from None
         for link, messages in links.items():
@@ -135,7 +142,7 @@ class Bag:
         for plant, chunks in truth.items():
             self._check_continuous(f"truth of {plant}", chunks)
         fates = [fate for _, some in sorted(air, key=lambda item: item[0]) for fate in some]
-        return Recording(messages=links, truth=truth, air=fates), derived
+        return Recording(messages=links, truth=truth, air=fates, wall=wall, ledgers=ledgers), derived
 
     def _message(self, raw: RawMessage) -> Message:
         tick = tick_of(raw.tick_time_ns, self.ticks_per_second)

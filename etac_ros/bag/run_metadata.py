@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from fractions import Fraction
+
+from etac_ros.maths.wall_clock import WallClock
 
 RECORD_NAME = "etac_ros"
 TICKS_PER_SECOND = "ticks_per_second"
 RECOVERED = "recovered"
 """Only in a repaired bag: what had been wrong with it."""
+CLOCK, START_NS, RATE = "clock", "start_ns", "rate"
+"""Only in the bag of a real-time run: that it is one (``wall``), when tick 0 was on the wall clock [ns], and simulated
+seconds a second."""
+WALL = "wall"
 
 _CHECKSUM = "crc32"
 
@@ -25,6 +32,27 @@ def ticks_per_second(metadata: Mapping[str, str]) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise ValueError(f"{TICKS_PER_SECOND} is '{text}' in the metadata of the run")
     return int(text)
+
+
+def wall_clock(metadata: Mapping[str, str]) -> WallClock | None:
+    """The instants of ticks on the wall clock; None of a run in simulated time.
+
+    Raises
+    ------
+    ValueError
+        If something of it is missing, or makes no sense.
+    """
+    if CLOCK not in metadata:
+        return None
+    rate = Fraction(metadata.get(RATE, "0"))
+    if metadata[CLOCK] != WALL or rate <= 0:
+        raise ValueError(f"{CLOCK} is '{metadata[CLOCK]}' and {RATE} '{rate}' in the metadata of the run")
+    return WallClock(int(metadata.get(START_NS, "")), ticks_per_second(metadata), rate)
+
+
+def of_wall_clock(wall: WallClock) -> dict[str, str]:
+    """What the metadata of a real-time run say of its clock: the inverse of :func:`wall_clock`."""
+    return {CLOCK: WALL, START_NS: str(wall.start_ns), RATE: str(wall.rate)}
 
 
 def sealed(metadata: Mapping[str, str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ from etac_ros.errors import EtacError
 
 def scenarios(incomplete: str) -> list[str]:
     """Scenarios that are shipped; a path is the shell's own business."""
-    from etac_ros.scenario.load import available
+    from etac_ros.scenario.places import available
 
     return [name for name in available() if name.startswith(incomplete)]
 

@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 
 from etac_ros.plain_text import one_line
-from etac_ros.scenario.document import variants_of
-from etac_ros.scenario.load import config_folders, load
+from etac_ros.scenario.document import EVERYWHERE, read_sections, variants_of
+from etac_ros.scenario.places import config_folders
 from etac_ros.tables.table import Row, Table
 from etac_ros.tables.terminal import show
 
@@ -19,10 +19,11 @@ _SAYS_NOTHING_OF_THE_RUN = ("published", "title", "compare")
 def list_scenarios(console: Console) -> None:
     """Every scenario that is shipped, with the names of its variants."""
     for path in sorted({path for folder in config_folders() for path in folder.glob("*.yaml")}):
-        found = load(str(path))
-        console.print(f"{found.name}: {one_line(found.run.title)}", style="bold")
-        if found.variants:
-            console.print(f"  variants: {', '.join(map(one_line, found.variants))}")
+        sections = read_sections(path)
+        console.print(f"{path.stem}: {one_line(str(sections[EVERYWHERE].get('title', '')))}", style="bold")
+        variants = variants_of(sections, str(path))
+        if variants:
+            console.print(f"  variants: {', '.join(map(one_line, variants))}")
     console.print(
         "\nA variant is a named set of changes to its scenario: etac run NAME --variant VARIANT. "
         "etac list NAME says what each changes."
@@ -37,6 +38,8 @@ def list_variants(name: str, console: Console) -> None:
     ScenarioError
         If there is no such scenario.
     """
+    from etac_ros.scenario.load import load  # with all that a scenario may name: the plain list needs none of it
+
     scenario = load(name)
     assert scenario.layers is not None  # it was loaded to be run
     console.print(f"{scenario.name}: {one_line(scenario.run.title)}", style="bold")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from etac_ros import __version__
 from etac_ros.cli import complete
@@ -55,6 +55,22 @@ class Engine(StrEnum):
     inprocess = "inprocess"
 
 
+class ClockKind(StrEnum):
+    """Which time a run goes by."""
+
+    sim = "sim"
+    wall = "wall"
+
+
+def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
+    """Simulated seconds a second; None in simulated time."""
+    if clock is ClockKind.wall:
+        return rate
+    if rate != 1.0 or strict:
+        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+    return None
+
+
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -63,6 +79,18 @@ class Spread(StrEnum):
     one = "one"
 
 
+class Format(StrEnum):
+    """What tables are written as."""
+
+    parquet = "parquet"
+    csv = "csv"
+    mat = "mat"
+    npz = "npz"
+
+
+Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
+Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
 ]
@@ -80,7 +108,19 @@ QuietS = Annotated[
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
-@app.command()
+class CommandWithCapture(TyperCommand):
+    """A command whose option ``--capture`` may have a value, or none: typer has no such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The word behind ``--capture`` is its value where it is the name of a pcapng file."""
+        given = list(args)
+        for place, word in enumerate(args):
+            if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
+                given[place] = "--capture="
+        return super().parse_args(ctx, given)
+
+
+@app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -99,7 +139,20 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    state_rate: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
+    ] = None,
     quiet_s: QuietS = QUIET_S,
+    capture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.pcapng]", help="Count every byte on the wire, by topic, cause and layer; keep the frames."
+        ),
+    ] = None,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -109,7 +162,7 @@ def run(
     request = RunRequest(
         scenario,
         variant,
-        tuple(set_ or ()),
+        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
         engine.value,
         processes.value,
         baseline,
@@ -119,6 +172,9 @@ def run(
         record_windows,
         only,
         quiet_s,
+        rate_of_clock(clock, rate, strict),
+        strict,
+        capture,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -296,6 +352,24 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
     typer.echo(for_others(loaded).text, nl=False)
 
 
+@app.command()
+def layout(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    output: Annotated[Path, typer.Option(help="Folder for the files; made if it is not there.")] = Path("."),
+) -> None:
+    """Write layouts for Foxglove and PlotJuggler that fit the bags of a scenario; share/ has those of our own."""
+    from etac_ros.runs import layouts_of
+    from etac_ros.scenario.load import load
+
+    texts = layouts_of(load(scenario, variant, set_ or ()))
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (output / name).write_text(text, encoding="utf-8")
+        typer.echo(f"layout: {output / name}")
+
+
 @app.command("list")
 def list_(
     scenario: Annotated[
@@ -304,7 +378,7 @@ def list_(
 ) -> None:
     """List the scenarios and their variants."""
     from etac_ros.cli.listing import list_scenarios, list_variants
-    from etac_ros.cli.show import make_console
+    from etac_ros.tables.terminal import make_console
 
     if scenario is None:
         list_scenarios(make_console())
@@ -318,11 +392,14 @@ def node(
     params_file: Annotated[Path, typer.Argument(help="What `etac resolve` printed, or a scenario's name.")],
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    strict: Strict = False,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
 
 
 @app.command()
@@ -370,6 +447,25 @@ def report(
     with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
         page = write_report(first, [*others, *(against or ())], output, trust=trust, say=say)
     typer.echo(f"report: {page}")
+
+
+@app.command()
+def export(
+    bag: BagPath,
+    to: Annotated[Format, typer.Option(help="parquet, csv: a file a table; mat, npz: one file of arrays.")],
+    output: Annotated[Path | None, typer.Option(help="Folder of the files; default: export in the bag.")] = None,
+    table: Annotated[
+        list[str] | None, typer.Option(help="attitude, rate, torque, state, watched, triggers, messages; default: all.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a simulated second at most; default: all.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bag names.")] = False,
+) -> None:
+    """Write a bag as tables: samples, triggers and messages, for pandas, MATLAB, Octave and numpy."""
+    from etac_ros.export import open_bag, write_tables
+
+    folder = bag / "export" if output is None else output
+    for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
+        typer.echo(f"table: {path}")
 
 
 def _version(wanted: bool) -> None:

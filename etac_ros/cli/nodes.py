@@ -17,7 +17,15 @@ from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, RunError, ScenarioError
-from etac_ros.runs import free_bag_directory, open_bag, warm_up, windows_of
+from etac_ros.runs import (
+    RosOptions,
+    free_bag_directory,
+    open_bag,
+    real_time,
+    state_streams,
+    warm_up,
+    windows_of,
+)
 from etac_ros.scenario.load import Scenario, load_files
 
 if TYPE_CHECKING:
@@ -25,7 +33,14 @@ if TYPE_CHECKING:
     from etac_ros.engines.ros.plan import Plan
 
 
-def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_s: float = QUIET_S) -> NoReturn:
+def play(
+    name: str,
+    params_files: Sequence[str],
+    bag: Path | None = None,
+    quiet_s: float = QUIET_S,
+    rate: float | None = None,
+    strict: bool = False,
+) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
     Parameters
@@ -38,6 +53,8 @@ def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_
         Directory of the bag, for the recorder.
     quiet_s
         How long a node may owe an answer before it is reported [s].
+    rate, strict
+        As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
 
     Raises
     ------
@@ -48,10 +65,13 @@ def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
     join_by_hand(os.environ, domain)
     scenario = load_files(params_files)
-    from etac_ros.engines.ros.host import Host, leave_process
+    from etac_ros.engines.ros.host import leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+    from etac_ros.engines.ros.wall_host import host_of
 
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows_of(scenario), quiet_s=quiet_s)
+    wall = real_time(RosOptions(rate=rate, strict=strict), scenario)
+    windows = windows_of(scenario)
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall)
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -69,7 +89,9 @@ def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = Host(plan, [name], lambda: open_bag(scenario, directory, "ros"))
+    host = host_of(plan)(
+        plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state_streams(scenario), wall)
+    )
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)
@@ -82,13 +104,15 @@ def play(name: str, params_files: Sequence[str], bag: Path | None = None, quiet_
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
     from etac_ros.engines.ros.count_check import check_outcome
     from etac_ros.engines.ros.plan import RECORDER
+    from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     if name == RECORDER:
         print(f"{name}: bag {directory}")
     if outcome is None:
         return
     written = outcome.leave_notes[RECORDER]["written"]
-    check_outcome(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
+    check = check_outcome if plan.wall is None else check_wall_outcome
+    check(plan, outcome, {topic: messages for topic, (messages, _) in written.items()})
     for module, count in outcome.fired.items():
         print(f"{module}: {count} triggering instants")
     print(f"simulated {scenario.run.duration_s:g} s in {outcome.loop_s:.3f} s")
@@ -129,8 +153,9 @@ def coordinator() -> None:
 def _main(executable: str) -> None:
     hold_standard_streams()
     try:
-        name, params_files, bag = parse_arguments(executable, sys.argv[1:])
-        play(name, params_files, bag)
+        clock, arguments = parse_clock(executable, sys.argv[1:])
+        name, params_files, bag = parse_arguments(executable, arguments)
+        play(name, params_files, bag, rate=clock)
     except EtacError as error:
         print(f"{executable}: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, ScenarioError) else 1)
@@ -149,9 +174,43 @@ _USAGE = """\
   --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run; of several, each is laid over
                        those before
   --bag DIR            for the recorder: folder of the bag
+  --clock wall         real time, with --rate R simulated seconds a second; the same for all nodes of a run
   -r __ns:=, __node:=  which node of the scenario
 
   The domain is ROS_DOMAIN_ID. Logging options of ROS and --enclave are taken, and of no consequence."""
+
+
+def parse_clock(executable: str, arguments: Sequence[str]) -> tuple[float | None, list[str]]:
+    """The rate of a run in real time, None for simulated time; and the other arguments.
+
+    Raises
+    ------
+    ScenarioError
+        If a value is missing or makes no sense.
+    """
+    given: dict[str, str] = {}
+    others: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word not in ("--clock", "--rate"):
+            others.append(word)
+        elif (value := next(words, None)) is None:
+            raise ScenarioError(f"{executable} {word}", "has no value")
+        else:
+            given[word] = value
+    clock = given.get("--clock", "sim")
+    if clock not in ("sim", "wall"):
+        raise ScenarioError(f"{executable} --clock {clock}", "is no clock", "sim or wall")
+    if clock == "sim":
+        if "--rate" in given:
+            raise ScenarioError(f"{executable} --rate {given['--rate']}", "is for --clock wall", "", "add --clock wall")
+        return None, others
+    try:
+        return float(given.get("--rate", "1")), others
+    except ValueError:
+        raise ScenarioError(
+            f"{executable} --rate {given['--rate']}", "is no number", "simulated seconds a second"
+        ) from None
 
 
 def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tuple[str, ...], Path | None]:

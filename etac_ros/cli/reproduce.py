@@ -21,7 +21,8 @@ from etac_ros.reproduce.kept import Kept
 from etac_ros.reproduce.rows import Baselines, Row, rows_of
 from etac_ros.reproduce.variants import published_variants, title_of
 from etac_ros.reproduce.write import as_json, markdown, rows_table, tally
-from etac_ros.scenario.load import Scenario, available
+from etac_ros.scenario.load import Scenario
+from etac_ros.scenario.places import available
 from etac_ros.tables.table import Row as TableRow
 from etac_ros.tables.terminal import show
 

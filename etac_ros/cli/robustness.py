@@ -12,7 +12,7 @@ from etac_ros.cli.progress import steps
 from etac_ros.errors import ScenarioError
 from etac_ros.robustness.grid import robustness
 from etac_ros.robustness.write import furthest_table, map_table, page
-from etac_ros.scenario.load import available
+from etac_ros.scenario.places import available
 from etac_ros.tables.terminal import show
 
 

@@ -51,6 +51,25 @@ class RunRequest:
     record_windows: bool
     only: str | None = None
     quiet_s: float = QUIET_S
+    rate: float | None = None
+    strict: bool = False
+    capture: str | None = None
+    """The pcapng file to keep; empty keeps none; None captures nothing."""
+
+    @property
+    def options(self) -> RosOptions:
+        """How the run is spread over processes, recorded and timed."""
+        return RosOptions(
+            self.processes,
+            self.domain,
+            self.record_windows,
+            self.only,
+            self.quiet_s,
+            self.rate,
+            self.strict,
+            self.capture is not None,
+            Path(self.capture) if self.capture else None,
+        )
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
@@ -58,10 +77,12 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if request.engine == "ros":
         request = _in_this_process(request)
     scenario = load(request.scenario, request.variant, request.overrides)
+    if request.capture is not None:
+        _check_capture(request)
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
-        options = RosOptions(request.processes, request.domain, only=request.only, quiet_s=request.quiet_s)
+        options = request.options
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
@@ -116,6 +137,15 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
         return None
 
 
+def _check_capture(request: RunRequest) -> None:
+    if request.engine != "ros":
+        raise ScenarioError("--capture", "is for --engine ros: by calls nothing is on a wire")
+    if request.capture:
+        path = Path(request.capture)
+        if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
+
+
 def _kept(bag: Path | None) -> str:
     """What an interrupt leaves of a run."""
     if bag is None or not any(bag.glob("*.mcap")):
@@ -131,7 +161,7 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
     try:
         if request.baseline and request.engine == "ros":
             beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-            return _run(scenario, request, beside, console)
+            return _run(scenario, replace(request, capture=None), beside, console)
         return run_in_process(scenario)
     except RunHalted as halted:
         console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
@@ -142,9 +172,7 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
     if request.engine == "inprocess":
         return run_in_process(scenario, bag)
     assert bag is not None
-    options = RosOptions(
-        request.processes, request.domain, request.record_windows, request.only, quiet_s=request.quiet_s
-    )
+    options = request.options
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),
@@ -159,7 +187,8 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         def on_progress(tick: int, fired: Mapping[str, int]) -> None:
             simulated = tick / scenario.run.ticks_per_second
             speed = simulated / max(time.perf_counter() - began, 1e-9)
-            note = f"{sum(fired.values())} triggers, {speed:.0f} x real time"
+            triggers = f"{sum(fired.values())} triggers, " if fired else ""
+            note = f"{triggers}{speed:.0f} x real time"
             progress.update(task, completed=simulated, note=note)
 
         return run_over_ros(scenario, bag, options, on_progress)

@@ -82,6 +82,10 @@ class InProcess:
             return self._look(order)
         if isinstance(order, Deliver):
             driver = self._drivers[order.module]
+            for one in order.settled:
+                driver.settle(order.tick, self._graph.links[one.link].port, one.acknowledged)
+            if order.settled and not order.messages:
+                return Report(halt=driver.module.halt)
             arrivals = tuple(self._arrival(order.module, message) for message in order.messages)
             return Report(self._send(driver.receive(order.tick, arrivals)), halt=driver.module.halt)
         if isinstance(order, Open):

@@ -49,6 +49,10 @@ class Driver:
         # An array of its own: nobody else's samples change where a class works in place.
         self.window = replace(window, samples=window.samples.copy())
 
+    def pass_over(self, tick: int) -> None:
+        """Commit memory up to a tick at which nothing is done: in real time it may be too late to act."""
+        self._advance(tick)
+
     def look(self, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself."""
         found = self._component.call("scan", self.window, after)
@@ -81,6 +85,12 @@ class Driver:
         role = self.module.role
         expected = None if role.fires_on is None else self._connected.intersection((role.triggers,))
         return self._received(tick, (), expected)
+
+    def settle(self, tick: int, port: str, acknowledged: bool) -> None:
+        """Tell the module what became of what it sent on a port: it knows this before what arrives at this tick."""
+        self._sample(tick)
+        self._advance(tick)
+        self._component.call("settle", port, tick, acknowledged)
 
     def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""

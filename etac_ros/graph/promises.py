@@ -16,6 +16,7 @@ import numpy as np
 import etac_ros
 from etac_ros.errors import BrokenPromise, EtacError
 from etac_ros.parameters import FloatArray
+from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
@@ -110,6 +111,24 @@ class Component:
     def takes(self, method: str, parameter: str) -> bool:
         """Whether a method has a parameter of a name: so a class says what it wants to be told."""
         return takes(getattr(self.owner, method), parameter)
+
+
+def check_state_size(owner: object, plant: Plant) -> None:
+    """Make sure that what reads a plant's states takes states of that size, where it says a size: ``state_size``.
+
+    A compiled kernel that is shown too few columns reads what lies behind them, and one that is shown those of another
+    plant takes one quantity for another.
+
+    Raises
+    ------
+    ValueError
+        If the sizes differ.
+    """
+    wanted, found = getattr(owner, "state_size", None), plant.initial_state().size
+    if wanted is not None and wanted != found:
+        raise ValueError(
+            f"{type(owner).__name__} takes states of {wanted} components; {type(plant).__name__} has {found}"
+        )
 
 
 def takes(function: Callable[..., Any], parameter: str) -> bool:

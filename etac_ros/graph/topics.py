@@ -22,7 +22,12 @@ RECORDED = f"{EMULATION}/recorded"
 AIR = f"{EMULATION}/air"
 """What became of frames on shared media; only in bags."""
 
-_WINDOW, _TRUTH, _NEXT, _GO = "window", "truth", "next", "go"
+STATE = "/state"
+"""Prefix of what a bag shows of every body, computed of committed samples while they are recorded."""
+TF, TF_STATIC = "/tf", "/tf_static"
+"""The same as transforms; their names are ROS's."""
+
+_WINDOW, _TRUTH, _NEXT, _GO, _LEDGER = "window", "truth", "next", "go", "ledger"
 
 
 def window_topic(plant: str) -> str:
@@ -45,13 +50,34 @@ def go_topic(module: str) -> str:
     return f"{EMULATION}{module}/{_GO}"
 
 
+def ledger_topic(node: str) -> str:
+    """What a node of a real-time run noted down of its own doing (:mod:`etac_ros.graph.ledger`)."""
+    return f"{EMULATION}{node}/{_LEDGER}"
+
+
+def node_of_ledger(topic: str) -> str | None:
+    """The node whose ledger a topic is: the inverse of :func:`ledger_topic`; None for any other topic."""
+    begins, ends = topic.startswith(f"{EMULATION}/"), topic.endswith(f"/{_LEDGER}")
+    return topic.removeprefix(EMULATION).removesuffix(f"/{_LEDGER}") if begins and ends else None
+
+
 def derived_topic(node: str) -> str:
     """What was computed of committed samples while they were recorded; only in bags."""
     return f"{EMULATION}{node}/derived"
+
+
+def state_topic(plant: str, *words: str) -> str:
+    """What a bag shows of a plant, in words; only in bags."""
+    return "/".join([f"{STATE}{plant}", *words])
+
+
+def is_taken(topic: str) -> bool:
+    """Whether a topic has a meaning of its own, so that no link may have it."""
+    return topic in (TF, TF_STATIC) or topic.startswith(f"{STATE}/")
 
 
 def type_of(topic: str) -> str:
     """Message type of a topic of the emulation plane that is no link, for instance ``std_msgs/msg/String``."""
     if topic == CLOCK:
         return CLOCK_TYPE
-    return TABLE_TYPE if topic == AIR or topic.rpartition("/")[2] in (_WINDOW, _TRUTH) else NOTE_TYPE
+    return TABLE_TYPE if topic == AIR or topic.rpartition("/")[2] in (_WINDOW, _TRUTH, _LEDGER) else NOTE_TYPE

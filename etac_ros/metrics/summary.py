@@ -12,13 +12,23 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from etac_ros.graph.graph import Graph, LinkKind
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.model import data_frames
+from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts
+from etac_ros.metrics.accounts import (
+    HoldAccount,
+    LinkAccount,
+    MediumAccount,
+    hold_accounts,
+    link_accounts,
+    medium_accounts,
+)
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
+from etac_ros.metrics.latency import RealTimeAccount, real_time_account
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
 from etac_ros.metrics.stored import StoredSweep, declared, differs, stored_sweep
 from etac_ros.metrics.verdict import Judgement, Paper, Spread, judge
@@ -63,6 +73,11 @@ class Topic(Totals):
 
     kind: Kind
     type: str
+    model_wire_bytes: int | None = Field(
+        default=None,
+        description="of a link: a model of its data in Ethernet frames to its receivers, each in a process of its own; "
+        "with heartbeats and acknowledgements it is more, which the captured account has",
+    )
     first_s: float | None = Field(description="simulated time of the first message; null if unknown or none")
     last_s: float | None
 
@@ -158,9 +173,11 @@ class Summary(_Model):
         default={}, description="what became of the messages of each link that is not ideal, on the emulated air"
     )
     media: dict[str, MediumAccount] = Field(default={}, description="what each shared medium carried")
+    holds: dict[str, HoldAccount] = Field(default={}, description="zero-order holds with a time to live, by node")
     network: Totals
     internal: Totals
     emulation: Totals
+    wire: WireAccount | None = Field(default=None, description="what was captured; null where nothing was")
     final_state: dict[str, list[float]] = Field(description="by plant; the digits restore the very bits")
     performance: dict[str, Performance] = Field(description="by plant")
     watches: dict[str, list[Watched]] = Field(description="by node: what is watched, with bounds where it has to stay")
@@ -168,6 +185,7 @@ class Summary(_Model):
     timing: Timing
     memory_kib: dict[str, int] = Field(description="peak memory of the process of each node")
     strangers: dict[str, int] = Field(description="messages by topic that were not of this run, and were ignored")
+    real_time: RealTimeAccount | None = Field(default=None, description="of a run in real time; null in simulated time")
     bag: str | None
     published: list[PublishedValue] = Field(description="the paper's figures, where they stand beside this run")
     published_not: str = Field(description="why none of the paper's figures stand beside this run; empty if they do")
@@ -212,8 +230,10 @@ def summarise(
     measured_cdr: Mapping[str, int] | None = None,
     memory_kib: Mapping[str, int] | None = None,
     strangers: Mapping[str, int] | None = None,
+    wire: WireAccount | None = None,
     halted: str = "",
     bag: str | None = None,
+    stepped_s: float = 0.0,
 ) -> Summary:
     """The summary of a recorded run.
 
@@ -223,12 +243,14 @@ def summarise(
         What was run.
     recording
         What came of it.
-    engine, timing, memory_kib, strangers, halted, bag
+    engine, timing, memory_kib, strangers, wire, halted, bag
         Taken over.
     plane
         Topics of the emulation plane: type, messages, CDR bytes.
     measured_cdr
         CDR bytes of each link's topic as raw subscriptions measured them; without it they are computed.
+    stepped_s
+        How far the wall clock was set during a run in real time [s].
     """
     topics = _link_topics(graph, recording, measured_cdr)
     for name, (kind, messages, size) in (plane or {}).items():
@@ -253,9 +275,11 @@ def summarise(
         topics=topics,
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
+        holds=hold_accounts(graph, recording),
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),
+        wire=wire,
         final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
         performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
         watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
@@ -263,6 +287,7 @@ def summarise(
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         strangers=dict(strangers or {}),
+        real_time=real_time_account(graph, recording, stepped_s),
         bag=bag,
         published=[] if reason else list(published_values(scenario, graph).values()),
         published_not=reason if published else "",
@@ -456,10 +481,16 @@ def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, 
             deliveries=sum(len(deliveries(graph, recording, link, receiver)) for receiver in link.receivers),
             payload_bytes=0 if physical else len(messages) * link.wire.payload_bytes,
             cdr_bytes=computed if measured_cdr is None else measured_cdr.get(link.topic, 0),
+            model_wire_bytes=None if physical else len(messages) * _wire_bytes(link),
             first_s=min(times, default=None),
             last_s=max(times, default=None),
         )
     return topics
+
+
+def _wire_bytes(link: Link) -> int:
+    """One message of a link on Ethernet, beside a recorder that gets it, too."""
+    return data_frames(link.wire.cdr_bytes, link.wire.payload_bytes, len(link.receivers), others=1).total_bytes
 
 
 def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:

@@ -46,10 +46,14 @@ def page(view: View, drawn: list[Drawn]) -> str:
         tables.published_table(view),
         tables.traffic_table(view),
         tables.link_table(view),
+        tables.acknowledgement_table(view),
+        *tables.wire_tables(view),
         tables.medium_table(view),
+        tables.hold_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),
+        *tables.real_time(view),
         tables.identity_table(view),
     ):
         if table is not None:

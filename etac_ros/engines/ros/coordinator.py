@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -13,28 +12,16 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
+from etac_ros.engines.ros.convener import Convener
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.foreign import Foreign
-from etac_ros.engines.ros.messages import open_note
+from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.module_node import PlantNode
 from etac_ros.engines.ros.notes import order_note, read_report
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
-from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
-from etac_ros.graph.topics import (
-    CLOCK,
-    END,
-    FAULT,
-    JOIN,
-    LEAVE,
-    MESSAGE_LOG,
-    RECORDED,
-    START,
-    STOP,
-    go_topic,
-    next_topic,
-)
+from etac_ros.graph.graph import Link
+from etac_ros.graph.topics import MESSAGE_LOG, RECORDED, go_topic, next_topic
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Effect
 from etac_ros.timing.master import TimeMaster
@@ -48,13 +35,11 @@ _LOGS_AHEAD = 4
 topic's history, so that a recorder that stands still for a while costs time and no message."""
 _SLOW_STEP_S = 1.0
 """Wall time between steps after which windows become shorter."""
-_LAST_WORD_S = 2.0
-"""How long the coordinator waits to know that its last word has been heard by nodes that nobody else would end."""
 
 Progress = Callable[[int, Mapping[str, int]], None]
 
 
-class CoordinatorNode(RunNode):
+class CoordinatorNode(Convener):
     """The node that advances time.
 
     Parameters
@@ -75,18 +60,12 @@ class CoordinatorNode(RunNode):
         plants: Mapping[str, PlantNode],
         on_progress: Progress,
     ) -> None:
-        super().__init__(plan, COORDINATOR, spinner, context)
+        super().__init__(plan, spinner, context)
         self.master = TimeMaster(plan.graph, plan.windows)
-        self.leave_notes: dict[str, dict[str, Any]] = {}
-        self.fault = ""
-        self.loop_s = 0.0
-        self.began = 0.0
         self._dispatcher = Dispatcher(plan.graph, plan.duties, self.master, self._on_effect, self._on_step)
         self._plants = plants
         self._on_progress = on_progress
-        self._greeted: dict[str, int] = {}
         self._told = 0.0
-        self._heard = time.monotonic()
         self._steps = 0
         self._stepped = 0.0
         self._logs = 0
@@ -96,10 +75,6 @@ class CoordinatorNode(RunNode):
             name: self.publisher(String, go_topic(name), (name,)) for name in ordered if name not in plants
         }
         self._message_log = self.publisher(String, MESSAGE_LOG, (RECORDER,))
-        self._start = self.publisher(String, START, latched=True)
-        self._stop = self.publisher(String, STOP, latched=True)
-        self._end = self.publisher(String, END, latched=True)
-        self._clock = self.publisher(Clock, CLOCK)
         for name in plan.modules:
             if plan.duties.reports(name):
                 self._hear_next(name)
@@ -107,80 +82,21 @@ class CoordinatorNode(RunNode):
             self._hear_halt(name)
         for plant in plants.values():
             plant.on_obeyed = self._told_by(plant.name)
-        self._foreign = Foreign(plan, self.ros_node, self.master.sent, self._listen_to_foreign)
-        self.subscription(String, JOIN, self._on_join, latched=True, read=open_note)
-        self.note_subscription(FAULT, self._on_fault, latched=True)
-        self.note_subscription(LEAVE, self._on_leave, shared=True)
+        self.foreign = Foreign(plan, self.ros_node, self.master.sent, self._listen_to_foreign)
+        self._hear_of_others()
         self.note_subscription(RECORDED, self._on_recorded)
 
     def idle(self, patient: bool) -> None:
-        """Called while nothing arrives: notices who has gone quiet.
-
-        Parameters
-        ----------
-        patient
-            Wait without end for nodes to appear, and say for whom; they are started by hand.
-
-        Raises
-        ------
-        RunError
-            Naming the nodes that owe an answer.
-        """
-        if not self.started:
-            self._begin_if_all_are_there()
-            for words in self._foreign.misfits():
-                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
-        elif self.stop is None:
-            self._foreign.check_present()
-            if words := self._foreign.slow():
-                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
-        if self._dispatcher.steps != self._steps:  # the run gets on, whoever brought that about
+        """As :meth:`Convener.idle`; the run gets on, whoever brought that about, as long as there are steps."""
+        if self._dispatcher.steps != self._steps:
             self._steps = self._dispatcher.steps
             self._heard = time.monotonic()
-        if time.monotonic() - self._heard < self.plan.quiet_s:
-            return
-        self._heard = time.monotonic()
-        if not self.started:
-            missing = [name for name in self.plan.nodes if name not in self._greeted]
-            if patient:
-                print(f"{self.name}: {self._waiting_for(missing)}", file=sys.stderr, flush=True)
-                return
-            raise RunError(
-                f"node {', '.join(missing)}",
-                f"has not appeared within {self.plan.quiet_s:g} s",
-                "all nodes of the scenario, started with the same parameter file",
-                "start it, or see what it printed",
-            )
-        if self.stop is None:
-            self._foreign.blame()
-            raise RunError(
-                f"node {', '.join(self._owing())}",
-                f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {self.plan.quiet_s:g} s",
-                "an answer to every order",
-                "is its process still there? see what it printed",
-            )
-        missing = [name for name in self.plan.nodes if name not in self.leave_notes]
-        raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
-
-    def _waiting_for(self, missing: Sequence[str]) -> str:
-        foreign = [] if missing else self._foreign.absent()
-        domain = os.environ.get(DOMAIN_VARIABLE, "0")
-        return f"in ROS domain {domain}, still waiting for {', '.join([*missing, *foreign]) or 'nobody'}"
-
-    def excuse(self) -> None:
-        """Silence counts from now on: a process of the run was stopped, or computes."""
-        self._heard = time.monotonic()
+        super().idle(patient)
 
     def end(self, fault: str) -> None:
         """End the run, now that it is over or has failed; all others hear of it."""
         self._tell()
-        self.fault = fault
-        self.loop_s = time.perf_counter() - self.began if self.began else 0.0
-        orders = {name: publisher.count.messages for name, publisher in self._go.items()}
-        content = {
-            "tick": self.master.tick, "fault": fault, "sent": self.master.sent, "orders": orders, "logs": self._logs,
-        }  # fmt: skip
-        self._stop.publish(self.note(content))
+        super().end(fault)
 
     def abort(self) -> None:
         """Tell the recorder what is known, and everybody that it is over."""
@@ -192,16 +108,17 @@ class CoordinatorNode(RunNode):
     def drained(self) -> bool:
         """Whether all other nodes have left."""
         others = [name for name in self.plan.nodes if name != COORDINATOR]
-        return all(name in self.leave_notes for name in others) and self._foreign.complete()
+        return all(name in self.leave_notes for name in others) and self.foreign.complete()
 
     def leave(self) -> None:
         """All counts are in: let everybody go, and know that they have heard it before this process ends."""
-        self._foreign.check_all_counted()
-        self.leave_notes[self.name] = self.leave_note()
-        self._end.publish(self.note({"tick": self.master.tick}))
-        if not self.plan.token:  # else the launcher ends who has missed it; those who heard it are gone, unacknowledged
-            self._end.drain(_LAST_WORD_S)
-        self.finished = True
+        self.foreign.check_all_counted()
+        super().leave()
+
+    @property
+    def tick(self) -> int:
+        """The tick that is being worked on, or was last."""
+        return self.master.tick
 
     @property
     def halted(self) -> str:
@@ -214,11 +131,28 @@ class CoordinatorNode(RunNode):
         self.began = self._told = time.perf_counter()
         self._dispatcher.begin()
 
-    def _listen_to_foreign(
-        self, kind: type, topic: str, callback: Callable[[Any, int], None], foreign: bool
-    ) -> Subscription:
+    def _totals(self) -> dict[str, Any]:
+        orders = {name: publisher.count.messages for name, publisher in self._go.items()}
+        return {"tick": self.master.tick, "sent": self.master.sent, "orders": orders, "logs": self._logs}
+
+    def _look_after_run(self) -> None:
+        self.foreign.check_present()
+        if words := self.foreign.slow():
+            print(f"{self.name}: {words}", file=sys.stderr, flush=True)
+
+    def _blame_who_is_quiet(self) -> None:
+        self.foreign.blame()
+        raise RunError(
+            f"node {', '.join(self._owing())}",
+            f"has gone quiet at simulated time {self._seconds():.6g} s: no answer for {self.plan.quiet_s:g} s",
+            "an answer to every order",
+            f"is its process still there? see what it printed{self._may_be_lost()}",
+        )
+
+    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None], foreign: bool) -> Subscription:
         """A subscription to what a foreign node sends, or is asked, as bytes."""
-        return self.subscription(kind, topic, callback, raw=True, foreign=foreign)
+        kind = message_type(link.wire)
+        return self.subscription(kind, link.topic, callback, raw=True, foreign=foreign, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:
@@ -237,49 +171,6 @@ class CoordinatorNode(RunNode):
 
     def _told_by(self, plant: str) -> Callable[[Report], None]:
         return lambda report: self._dispatcher.on_obeyed(plant, report)
-
-    def _on_join(self, join: Any, sequence: int) -> None:
-        if not isinstance(join, dict) or not {"node", "scenario", "digest", "pid"} <= join.keys():
-            return
-        name = join["node"]
-        ours = join.get("run") == self.plan.run_id
-        if not ours and self.plan.token:
-            return  # this run's processes know its token: whoever else joins is none of them
-        self._heard = time.monotonic()
-        if name not in self.plan.nodes:
-            raise RunError(
-                f"node {name}", f"of scenario '{join['scenario']}' is in this ROS domain", "only this run's nodes",
-                "give each run a domain of its own",
-            )  # fmt: skip
-        if join["digest"] != self.plan.digest:
-            raise RunError(
-                f"node {name}",
-                f"was started with another scenario ('{join['scenario']}', {join['digest']})",
-                f"'{self.plan.scenario}', {self.plan.digest}",
-                "start all nodes with the file that `etac resolve` prints",
-            )
-        if self._greeted.setdefault(name, join["pid"]) != join["pid"]:
-            raise RunError(
-                f"node {name}", "is there twice in this ROS domain", "every node once",
-                "give each run a domain of its own",
-            )  # fmt: skip
-        self._begin_if_all_are_there()
-
-    def _begin_if_all_are_there(self) -> None:
-        if len(self._greeted) == len(self.plan.nodes) and not self.started and self._foreign.fits():
-            self.started = True
-            self.begin_to_count()
-            self._start.publish(self.note({"scenario": self.plan.scenario, "digest": self.plan.digest}))
-            self.on_start()
-
-    def _on_fault(self, content: Any, sequence: int) -> None:
-        if self.stop is None and not self.fault and content["node"] != self.name:
-            raise RunError(f"node {content['node']}", content["fault"])
-
-    def _on_leave(self, content: Any, sequence: int) -> None:
-        self._heard = time.monotonic()
-        self.leave_notes[content["node"]] = content
-        self.settle()
 
     def _on_recorded(self, content: Any, sequence: int) -> None:
         self._heard = time.monotonic()

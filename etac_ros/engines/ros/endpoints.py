@@ -20,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import serialize_message
 
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import USUAL_QOS, Qos, Reliability
 
 DATA = QoSProfile(
     depth=4096,
@@ -38,6 +39,20 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """For what a node that joins late has to know."""
+
+
+def profile(qos: Qos) -> QoSProfile:
+    """What DDS is asked for at both ends of a link."""
+    if qos == USUAL_QOS:
+        return DATA
+    best_effort = qos.reliability is Reliability.BEST_EFFORT
+    return QoSProfile(
+        depth=qos.history,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
 
 _LATCHED_READER = QoSProfile(
     depth=1000,
@@ -76,6 +91,8 @@ class Publisher:
         How many subscriptions of foreign nodes, whose names nobody knows, have to be matched besides.
     latched
         Keep the last message for late joiners.
+    qos
+        Of a link; for what is not latched.
     """
 
     def __init__(
@@ -86,6 +103,7 @@ class Publisher:
         listeners: Collection[str] = (),
         foreign: int = 0,
         latched: bool = False,
+        qos: Qos = USUAL_QOS,
     ) -> None:
         self.topic = topic
         self.count = Count()
@@ -93,7 +111,7 @@ class Publisher:
         self._foreign = foreign
         self._node = node
         self._matched = False
-        self._publisher = node.create_publisher(kind, topic, LATCHED if latched else DATA)
+        self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
 
     def publish(self, message: Any) -> int:
         """Publish a message; returns its sequence number."""
@@ -112,6 +130,11 @@ class Publisher:
             strangers = [name for name in there if name not in self._listeners]
             self._matched = self._listeners <= set(there) and len(strangers) >= self._foreign
         return self._matched
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens now."""
+        return bool(self._publisher.get_subscription_count())
 
     def missing(self) -> str:
         """What is still missing here, in words."""
@@ -142,6 +165,8 @@ class Subscription:
     foreign
         The publisher is no node of ours. It may have published before: its first message after :meth:`open` is
         number 1, and what came before that does not count.
+    qos
+        Of a link; for what is not latched.
     read
         Reads each message; where it returns None, the message is a stranger's: it is counted, and else ignored.
 
@@ -149,8 +174,11 @@ class Subscription:
     ----------
     strangers
         Messages that were not of this run.
-    published_ns
-        When the message that is being handed out was published, by the clock of its publisher's machine [ns].
+    source_ns, received_ns
+        When the message that is handed over was published, and when it was received, by the wall clock [ns].
+    period
+        Of a foreign publisher: when its messages count, by their source timestamps ``[from, until)`` [ns]. So all who
+        hear it agree on which do.
     """
 
     def __init__(
@@ -164,12 +192,16 @@ class Subscription:
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
+        qos: Qos = USUAL_QOS,
         read: Reader | None = None,
     ) -> None:
         self.topic = topic
         self.count = Count()
         self.strangers = 0
-        self.published_ns = 0
+        self.source_ns = 0
+        self.received_ns = 0
+        self.period: tuple[int, int] | None = None
+        self._qos = qos
         self._node = node
         self._kind = kind
         self._raw = raw
@@ -180,8 +212,8 @@ class Subscription:
         self._closed = foreign
         self._base = 0
         self._matched = False
-        profile = _LATCHED_READER if latched else DATA
-        subscription = node.create_subscription(kind, topic, _unused, profile, raw=raw)
+        wanted = _LATCHED_READER if latched else profile(qos)
+        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=raw)
         self.handle = subscription.handle
 
     def also(self, callback: Callback) -> None:
@@ -214,6 +246,10 @@ class Subscription:
             if self._closed:
                 self.strangers += 1
                 continue
+            self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
+            if self.period is not None and not self.period[0] <= self.source_ns < self.period[1]:
+                self.strangers += 1
+                continue
             size = len(message) if self._raw else 0
             content = message if self._read is None else self._read(message)
             if content is None:
@@ -223,17 +259,24 @@ class Subscription:
                 self._base = sequence - 1
             self.count.messages += 1
             self.count.cdr_bytes += size
-            self.published_ns = int(info["source_timestamp"])
             number = sequence - self._base
             if self._continuous and number != self.count.messages:
-                raise RunError(
-                    f"topic {self.topic}",
-                    f"message {number} of its publisher came as number {self.count.messages}",
-                    "every message once, in order, from one publisher",
-                    "is another program publishing on this topic in this ROS domain?",
-                )
+                raise self._gap(number)
             for callback in self._callbacks:
                 callback(content, number)
+
+    def _gap(self, number: int) -> RunError:
+        remedy = "is another program publishing on this topic in this ROS domain?"
+        if self._qos.reliability is Reliability.BEST_EFFORT:
+            remedy = f"its link is best effort, and DDS has lost messages: reliability: reliable. Or else, {remedy}"
+        elif self._qos.history < USUAL_QOS.history:
+            remedy = f"its link keeps {self._qos.history} messages: a longer history. Or else, {remedy}"
+        return RunError(
+            f"topic {self.topic}",
+            f"message {number} of its publisher came as number {self.count.messages}",
+            "every message once, in order, from one publisher",
+            remedy,
+        )
 
 
 class Spinner:

@@ -11,12 +11,11 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from etac_ros.engines.ros.causes import Causes
 from etac_ros.engines.ros.endpoints import Subscription, name_of
-from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
-from etac_ros.graph.graph import Link
+from etac_ros.graph.graph import Link, Reliability
 
-Listen = Callable[[type, str, Callable[[Any, int], None], bool], Subscription]
+Listen = Callable[[Link, Callable[[Any, int], None], bool], Subscription]
 """Subscribes to a topic of a foreign node; the last argument says whether the node itself is the publisher."""
 
 _LOOK_S = 1.0
@@ -36,38 +35,38 @@ class Foreign:
     sent
         Messages that each link is known to owe so far; read as it grows.
     listen
-        Subscribes the coordinator.
+        Subscribes the coordinator; None where nobody is asked for anything, as in real time, so that no answers are
+        counted here.
     """
 
-    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen) -> None:
+    def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen | None) -> None:
         graph = plan.graph
         self._plan = plan
         self._node = node
         self._sent = sent
         self._answers: dict[str, Subscription] = {}
+        self._topics = [link for link in graph.links.values() if link.sender in graph.external]
         self._looked = time.monotonic()
         self._said: set[str] = set()
         self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
-        for link in graph.links.values():
-            if link.sender in graph.external:
-                self._answers[link.name] = listen(message_type(link.wire), link.topic, self._on_answer(link), True)
         self._causes: dict[str, Causes] = {}
         self._asked: dict[str, Subscription] = {}
-        for answer in map(self._link, self._answers):
-            questions = [link for link in self._questions if answer.sender in link.receivers]
-            # With several inputs one answer is for all that comes in one step, and clocks of several machines differ.
-            if len(questions) == 1 and plan.token:
-                self._causes[answer.name] = Causes()
-                self._ask(answer, questions[0], listen)
         self._owing_since: tuple[int, float] | None = None
         self._called_slow = False
+        if listen is not None:
+            for link in self._topics:
+                self._answers[link.name] = listen(link, self._on_answer(link), True)
+                for question in graph.hears[link.sender]:
+                    if plan.listens_to_question(question):
+                        self._causes[link.name] = Causes()
+                        self._ask(link, question, listen)
 
     def _ask(self, answer: Link, question: Link, listen: Listen) -> None:
         def on_question(data: Any, sequence: int) -> None:
             end = self._asked[answer.name]
-            self._check_cause(answer, self._causes[answer.name].question(end.published_ns))
+            self._check_cause(answer, self._causes[answer.name].question(end.source_ns))
 
-        self._asked[answer.name] = listen(message_type(question.wire), question.topic, on_question, False)
+        self._asked[answer.name] = listen(question, on_question, False)
 
     def complete(self) -> bool:
         """Whether all answers that were asked for have come, each after its question."""
@@ -79,7 +78,7 @@ class Foreign:
         """Foreign nodes that have not appeared, with the topic that nobody publishes."""
         return [
             f"{link.sender} (no publisher of {link.topic} that fits)"
-            for link in map(self._link, self._answers)
+            for link in self._topics
             if not any(self._joins(link, end) for end in self._publishers(link))
         ]
 
@@ -103,9 +102,7 @@ class Foreign:
 
     def fits(self) -> bool:
         """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
-        return all(
-            any(self._joins(link, end) for end in self._publishers(link)) for link in map(self._link, self._answers)
-        )
+        return all(any(self._joins(link, end) for end in self._publishers(link)) for link in self._topics)
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
@@ -181,7 +178,7 @@ class Foreign:
             # A question and its answer may both overtake the report that the question was asked.
             end = self._answers[link.name]
             if link.name in self._causes:
-                self._check_cause(link, self._causes[link.name].answer(end.published_ns))
+                self._check_cause(link, self._causes[link.name].answer(end.source_ns))
             if -self._owed(link.name) > may_lead:
                 raise self._wrong_count(link.name, end)
 
@@ -189,7 +186,7 @@ class Foreign:
 
     def _is_time(self) -> bool:
         now = time.monotonic()
-        due = now - self._looked >= _LOOK_S and bool(self._answers or self._questions)
+        due = now - self._looked >= _LOOK_S and bool(self._topics or self._questions)
         if due:
             self._looked = now
         return due
@@ -211,13 +208,13 @@ class Foreign:
         return list(self._node.get_publishers_info_by_topic(link.topic))
 
     def _joins(self, link: Link, end: Any) -> bool:
-        reliable = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
-        return reliable and end.topic_type == link.wire.type_name
+        offers = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
+        return (offers or _best_effort(link)) and end.topic_type == link.wire.type_name
 
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
-        for link in map(self._link, self._answers):
+        for link in self._topics:
             for end in self._publishers(link):
                 if end.topic_type != link.wire.type_name:
                     found.append(
@@ -237,4 +234,10 @@ class Foreign:
                     )
                 elif end.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
                     found.append(f"{name_of(end)} asks for transient local on {link.topic}; offered: volatile")
+                elif _best_effort(link) and end.qos_profile.reliability is ReliabilityPolicy.RELIABLE:
+                    found.append(f"{name_of(end)} asks for reliable on {link.topic}; offered: best effort")
         return found
+
+
+def _best_effort(link: Link) -> bool:
+    return link.qos.reliability is Reliability.BEST_EFFORT

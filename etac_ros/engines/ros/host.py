@@ -17,6 +17,7 @@ from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from etac_ros.engines.ros.convener import Convener
 from etac_ros.engines.ros.coordinator import CoordinatorNode, Progress
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
@@ -109,7 +110,7 @@ class Host:
         self,
         plan: Plan,
         names: Sequence[str],
-        open_sink: Callable[[], Sink] | None = None,
+        open_sink: Callable[..., Sink] | None = None,
         on_progress: Progress = _nothing,
         patient: bool = True,
         supervised: Supervised | None = None,
@@ -126,7 +127,7 @@ class Host:
         self._last_round = time.monotonic()
         self._excused = 0.0
         self._nodes: list[RunNode] = []
-        self._coordinator: CoordinatorNode | None = None
+        self._coordinator: Convener | None = None
         self._spinner: Spinner
 
     def run(self) -> Outcome | None:
@@ -272,7 +273,7 @@ class Host:
         for node in self._nodes:
             fault = (node.stop or {}).get("fault")
             # The recorder stays until nothing comes any more, the coordinator knows it anyway.
-            if fault and not isinstance(node, CoordinatorNode | RecorderNode):
+            if fault and node.name not in (COORDINATOR, RECORDER):
                 raise EndedByOthers(f"node {node.name}", f"the run was ended: {fault}")
 
     def _excuse(self, now: float) -> None:
@@ -294,14 +295,14 @@ class Host:
             try:
                 if self.ended_by is None and node.stop is None:
                     node.say_fault(text)
-                if isinstance(node, CoordinatorNode):
+                if isinstance(node, Convener):
                     node.fault = text
                 node.abort()
             except Exception as secondary:
                 print(f"while saving {node.name}: {secondary}", file=sys.stderr, flush=True)
 
     def _outcome(self) -> Outcome | None:
-        if self._coordinator is None:
+        if not isinstance(self._coordinator, CoordinatorNode):
             return None
         master = self._coordinator.master
         return Outcome(

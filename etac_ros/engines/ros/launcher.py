@@ -29,13 +29,14 @@ from typing import Any
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
 from etac_ros.engines.ros.environment import enter_launched_run
-from etac_ros.engines.ros.host import EndedByOthers, Host, Supervised, leave_process
+from etac_ros.engines.ros.host import EndedByOthers, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
 from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
 from etac_ros.engines.ros.signals import SignalGuard, held_back
+from etac_ros.engines.ros.wall_host import host_of
 from etac_ros.errors import EtacError, RunError
 
 MOST_PROCESSES = 100
@@ -100,7 +101,7 @@ class Launcher:
     only
         Namespace of the part of the run that is played here; None plays all of it.
     open_sink
-        Creates the bag, in the recorder's process.
+        Creates the bag, in the recorder's process; in real time it is told the instants of ticks.
     on_progress
         Told the tick and the triggers so far.
     on_start
@@ -120,7 +121,7 @@ class Launcher:
         processes: Processes,
         domain: int,
         only: str | None,
-        open_sink: Callable[[], Sink],
+        open_sink: Callable[..., Sink],
         on_progress: Progress,
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
@@ -319,7 +320,7 @@ class _Task:
 
     plan: Plan
     names: tuple[str, ...]
-    open_sink: Callable[[], Sink]
+    open_sink: Callable[..., Sink]
     domain: int
     patient: bool
     supervised: Supervised
@@ -340,7 +341,7 @@ def _play(task: _Task, pipe: Connection) -> None:
         _tell(pipe, "progress", (tick, dict(fired)))
 
     try:
-        host = Host(task.plan, task.names, task.open_sink, on_progress, task.patient, task.supervised)
+        host = host_of(task.plan)(task.plan, task.names, task.open_sink, on_progress, task.patient, task.supervised)
         outcome = host.run()
     except EtacError as error:
         _tell(pipe, "fault", error)

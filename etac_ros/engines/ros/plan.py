@@ -3,18 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import Graph, Link
-from etac_ros.graph.topics import next_topic, truth_topic, window_topic
+from etac_ros.graph.graph import Graph, Link, Reliability
+from etac_ros.graph.topics import ledger_topic, next_topic, truth_topic, window_topic
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.windows import WindowPolicy
 
 _BY_HAND = "by hand"
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
+
+
+@dataclass(frozen=True)
+class RealTime:
+    """How a run goes in real time.
+
+    Attributes
+    ----------
+    rate
+        Simulated seconds a second.
+    strict
+        Whether the first missed tick ends the run.
+    """
+
+    rate: Fraction
+    strict: bool = False
 
 
 @dataclass(frozen=True)
@@ -35,6 +52,8 @@ class Plan:
         Known to the processes of this run only; empty where they are started by hand, and know the digest only.
     quiet_s
         How long a node may owe an answer, or stand still, before it is reported [s].
+    wall
+        How it runs in real time; None for simulated time.
     """
 
     scenario: str
@@ -44,6 +63,12 @@ class Plan:
     record_windows: bool = False
     token: str = ""
     quiet_s: float = QUIET_S
+    wall: RealTime | None = None
+
+    @property
+    def clock(self) -> str:
+        """Which time it runs in: ``wall``, or empty for simulated time."""
+        return "" if self.wall is None else "wall"
 
     @cached_property
     def modules(self) -> tuple[str, ...]:
@@ -63,7 +88,7 @@ class Plan:
     @property
     def timekeeper_with(self) -> str | None:
         """The plant in whose process the coordinator lives; None gives it a process of its own."""
-        return self.duties.timekeeper_with
+        return self.duties.timekeeper_with if self.wall is None else None
 
     @property
     def run_id(self) -> str:
@@ -97,15 +122,20 @@ class Plan:
             if link.topic == topic:
                 return link.sender
         for name in self.graph.modules:
-            if topic in (window_topic(name), truth_topic(name), next_topic(name)):
+            if topic in (window_topic(name), truth_topic(name), next_topic(name), ledger_topic(name)):
                 return name
         return COORDINATOR
 
     def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
-        """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones.
-
-        What is asked of a foreign node is heard by the coordinator, too, where all run on one machine.
-        """
+        """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""
         own = tuple(name for name in link.receivers if name not in self.graph.external)
-        foreign = len(link.receivers) - len(own)
-        return (*own, RECORDER, *((COORDINATOR,) if foreign and self.token else ())), foreign
+        coordinator = (COORDINATOR,) if self.listens_to_question(link) else ()
+        return (*own, RECORDER, *coordinator), len(link.receivers) - len(own)
+
+    def listens_to_question(self, link: Link) -> bool:
+        """Whether the coordinator hears what a foreign node is asked, to compare the times of questions and answers.
+
+        Clocks of several machines cannot be compared, and in real time nobody is asked.
+        """
+        asked = bool(self.graph.external & link.receivers.keys())
+        return asked and bool(self.token) and self.wall is None and link.qos.reliability is Reliability.RELIABLE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Collection
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Reader, Spinner, Subscription
 from etac_ros.engines.ros.messages import read_note, write_note
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.graph.graph import USUAL_QOS, Qos
 from etac_ros.graph.topics import END, FAULT, JOIN, LEAVE, START, STOP
 
 
@@ -33,12 +34,16 @@ class RunNode:
         The initialised rclpy context.
     """
 
+    hear_leave: ClassVar[tuple[str, ...]] = (COORDINATOR, RECORDER)
+    """Who wants to know the counts of all."""
+
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
         self.plan = plan
         self.name = name
         self.started = False
         self.has_left = False
         self.finished = False
+        self.start: dict[str, Any] = {}
         self.stop: dict[str, Any] | None = None
         namespace, _, base = name.rpartition("/")
         self.ros_node = Node(
@@ -54,15 +59,21 @@ class RunNode:
         self._subscriptions: list[Subscription] = []
         self._joining = self.publisher(String, JOIN, latched=True)
         self._fault = self.publisher(String, FAULT, latched=True)
-        self._leaving = self.publisher(String, LEAVE, (COORDINATOR, RECORDER))
+        self._leaving = self.publisher(String, LEAVE, self.hear_leave)
         for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
             self._hear_as_all_do(topic, callback)
 
     def publisher(
-        self, kind: type, topic: str, listeners: Collection[str] = (), foreign: int = 0, latched: bool = False
+        self,
+        kind: type,
+        topic: str,
+        listeners: Collection[str] = (),
+        foreign: int = 0,
+        latched: bool = False,
+        qos: Qos = USUAL_QOS,
     ) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched)
+        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched, qos)
         self._publishers.append(publisher)
         return publisher
 
@@ -76,11 +87,21 @@ class RunNode:
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
+        qos: Qos = USUAL_QOS,
         read: Reader | None = None,
     ) -> Subscription:
         """A subscription of this node, served by the process's loop."""
         subscription = Subscription(
-            self.ros_node, kind, topic, callback, raw=raw, latched=latched, shared=shared, foreign=foreign, read=read
+            self.ros_node,
+            kind,
+            topic,
+            callback,
+            raw=raw,
+            latched=latched,
+            shared=shared,
+            foreign=foreign,
+            qos=qos,
+            read=read,
         )
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
@@ -132,6 +153,7 @@ class RunNode:
                     "node": self.name,
                     "scenario": self.plan.scenario,
                     "digest": self.plan.digest,
+                    "clock": self.plan.clock,
                     "pid": os.getpid(),
                 }
             )
@@ -192,6 +214,7 @@ class RunNode:
     def _on_start(self, content: Any, sequence: int) -> None:
         if not self.started:
             self.started = True
+            self.start = content
             self.begin_to_count()
             self.on_start()
 

@@ -1,0 +1,269 @@
+"""The nodes of a real-time run: what comes in over DDS goes to a worker with its times, and what it does goes out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from rclpy.context import Context
+from std_msgs.msg import Float64MultiArray
+
+from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
+from etac_ros.engines.ros.messages import decode, decode_window, encode, encode_truth, encode_window, message_type
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.engines.ros.wall_time import Tie
+from etac_ros.errors import RunError
+from etac_ros.graph.graph import Link
+from etac_ros.graph.ledger import to_rows
+from etac_ros.graph.topics import LEAVE, ledger_topic, truth_topic, window_topic
+from etac_ros.graph.truth import MOST_SAMPLES
+from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
+from etac_ros.maths.wall_clock import WallClock
+from etac_ros.parameters import FloatArray
+from etac_ros.timing.wall import Effect, Halt, Overrun, WallModule, WallPlant, WallWorker
+from etac_ros.timing.worker import Commit, Offer, Send
+
+_NOTES_NS = NANOSECONDS // 2
+"""How often a node hands its ledger to the recorder; what a killed one can lose."""
+_GRACE_NS = NANOSECONDS // 10
+"""How long after the last tick a foreign node's answer still counts."""
+
+
+class TimedNode(RunNode):
+    """A node that knows when ticks are.
+
+    Attributes
+    ----------
+    wall
+        The instants of ticks on the wall clock; None before the run begins.
+    """
+
+    hear_leave: ClassVar[tuple[str, ...]] = (COORDINATOR,)
+    wall: WallClock | None = None
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        super().__init__(plan, name, spinner, context)
+        self._tie = Tie()
+        self._foreign_ends: list[Subscription] = []
+        self._last_words: dict[str, Any] = {}
+
+    def next_wake_ns(self) -> int | None:
+        """When there is something to do unasked, on the monotonic clock [ns]; None if there is nothing."""
+        return None
+
+    def turn(self) -> None:
+        """The loop has come round: do what is due."""
+
+    def on_start(self) -> None:
+        """Take over the instants of ticks."""
+        content = self.start
+        self.wall = WallClock(int(content["t0_ns"]), int(content["ticks_per_second"]), Fraction(content["rate"]))
+        until = self.wall.instant_ns(self.plan.graph.end_tick) + _GRACE_NS
+        for subscription in self._foreign_ends:
+            subscription.period = (self.wall.start_ns, until)
+
+    def settle(self) -> None:
+        """After the end: tell the coordinator the counts whenever they have changed; it knows when all fit."""
+        if self.stop is None or self.finished:
+            return
+        words = self.leave_note()
+        told: dict[str, Any] = {key: words[key] for key in ("heard", "received") if key in words}
+        told["sent"] = {topic: count for topic, count in words["sent"].items() if topic != LEAVE}
+        if told != self._last_words:
+            self._last_words = told
+            self.has_left = True
+            self._leaving.publish(self.note(words))
+
+    @property
+    def monotonic(self) -> WallClock:
+        """The instants of ticks on the monotonic clock of this machine."""
+        assert self.wall is not None
+        return self._tie.monotonic(self.wall)
+
+    def leave_note(self) -> dict[str, Any]:
+        """The counts, and how far somebody has set the wall clock meanwhile."""
+        return {**super().leave_note(), "stepped_s": self._tie.stepped_s()}
+
+    def _listen(self, link: Link, callback: Any, raw: bool) -> Subscription:
+        foreign = link.sender in self.plan.graph.external
+        subscription = self.subscription(
+            message_type(link.wire), link.topic, callback, raw=raw, foreign=foreign, qos=link.qos
+        )
+        if foreign:
+            self._foreign_ends.append(subscription)
+        return subscription
+
+
+class WallNode(TimedNode):
+    """A module or a plant in real time.
+
+    Parameters
+    ----------
+    plan, name, spinner, context
+        As for :class:`~etac_ros.engines.ros.run_node.RunNode`.
+    """
+
+    worker: WallWorker
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        super().__init__(plan, name, spinner, context)
+        self._outgoing: dict[str, Publisher] = {}
+        for link in plan.graph.sends[name]:
+            own, foreign = plan.listeners(link)
+            self._outgoing[link.name] = self.publisher(message_type(link.wire), link.topic, own, foreign, qos=link.qos)
+        self._incoming = {link.name: self._hear(link) for link in plan.graph.hears[name]}
+        self._ledger = self.publisher(Float64MultiArray, ledger_topic(name), (RECORDER,))
+        self._noted_ns = 0
+        self._told_overrun = False
+
+    def on_start(self) -> None:
+        """Begin to act at the instants of ticks."""
+        super().on_start()
+        self._noted_ns = time.monotonic_ns()
+        self.worker.begin(self.monotonic, time.monotonic_ns())
+
+    def next_wake_ns(self) -> int | None:
+        """As the worker says."""
+        return None if self.stop is not None else self.worker.next_wake_ns()
+
+    def turn(self) -> None:
+        """Do what is due, and hand over the ledger now and then."""
+        now = time.monotonic_ns()
+        if self.stop is None:
+            self.worker.progress(now)
+        if self.stop is not None or now - self._noted_ns > _NOTES_NS:
+            self._hand_over_ledger(now)
+            self.settle()
+
+    def leave_note(self) -> dict[str, Any]:
+        """The counts of what was sent and heard."""
+        heard = {link: end.count.messages for link, end in self._incoming.items()}
+        return {**super().leave_note(), "heard": heard, "missed": self.worker.missed}
+
+    def abort(self) -> None:
+        """Hand over what is noted."""
+        self._hand_over_ledger(time.monotonic_ns())
+        self._ledger.drain(1.0)
+
+    def _hear(self, link: Link) -> Subscription:
+        def on_message(message: Any, sequence: int) -> None:
+            sent = subscription.source_ns - self._tie.ahead_ns
+            self._take(link, sequence, decode(message), sent, time.monotonic_ns())
+
+        subscription = self._listen(link, on_message, raw=False)
+        return subscription
+
+    def _take(self, link: Link, sequence: int, value: FloatArray, sent_ns: int, now_ns: int) -> None:
+        raise NotImplementedError
+
+    def _on_effect(self, effect: Effect) -> None:
+        match effect:
+            case Send(link, value, tick):
+                if self.stop is None:
+                    stamp = nanoseconds(tick, self.plan.graph.ticks_per_second)
+                    self._outgoing[link.name].publish(encode(link.wire, value, stamp))
+            case Halt(tick, why):
+                if self.stop is None:
+                    self._fault.publish(self.note({"node": self.name, "halt": why, "tick": tick}))
+            case Overrun(tick, now, found):
+                self._overrun(tick, now, found)
+            case _:
+                raise TypeError(f"{self.name} has no {effect}")
+
+    def _overrun(self, tick: int, now: int, found: str) -> None:
+        assert self.plan.wall is not None
+        at = tick / self.plan.graph.ticks_per_second
+        words = f"tick {tick} (simulated time {at:.6g} s) was missed: {found}"
+        if self.plan.wall.strict:
+            raise RunError(
+                f"node {self.name}", words, "no missed tick, with --strict", "a lower --rate, or fewer other programs"
+            )
+        if not self._told_overrun:
+            self._told_overrun = True
+            print(f"etac: {self.name}: {words}; further ones are counted", file=sys.stderr, flush=True)
+
+    def _hand_over_ledger(self, now_ns: int) -> None:
+        self._noted_ns = now_ns
+        entries = self.worker.take_ledger()
+        for first in range(0, len(entries), MOST_SAMPLES):
+            self._ledger.publish(encode_truth(0, to_rows(entries[first : first + MOST_SAMPLES])))
+
+
+class WallModuleNode(WallNode):
+    """A module that is no plant."""
+
+    worker: WallModule
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        self.worker = WallModule(plan.graph, name, self._on_effect)
+        super().__init__(plan, name, spinner, context)
+        graph = plan.graph
+        if name in graph.reporters and name in graph.reads:
+            self._see(graph.reads[name])
+
+    def _take(self, link: Link, sequence: int, value: FloatArray, sent_ns: int, now_ns: int) -> None:
+        self.worker.on_message(link, sequence, value, sent_ns, now_ns)
+
+    def _see(self, plant: str) -> None:
+        def on_window(message: Any, sequence: int) -> None:
+            if self.stop is None:
+                window, _ = decode_window(message, plant)
+                self.worker.on_window(window, time.monotonic_ns())
+
+        foreign = plant in self.plan.graph.external
+        subscription = self.subscription(Float64MultiArray, window_topic(plant), on_window, foreign=foreign)
+        if foreign:
+            subscription.open()  # its first window may come before the note that the run has begun
+
+
+class WallPlantNode(WallNode):
+    """A plant: publishes windows ahead, and what has become final."""
+
+    worker: WallPlant
+
+    def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        self.worker = WallPlant(plan.graph, name, self._on_effect, plan.windows)
+        super().__init__(plan, name, spinner, context)
+        readers = [reader for reader in plan.graph.readers[name] if reader not in plan.graph.external]
+        foreign = len(plan.graph.readers[name]) - len(readers)
+        recorder = (RECORDER,) if plan.record_windows else ()
+        self._windows = self.publisher(Float64MultiArray, window_topic(name), (*readers, *recorder), foreign)
+        self._truth = self.publisher(Float64MultiArray, truth_topic(name), (RECORDER,))
+        self._committed: list[FloatArray] = []
+        self._first = 0
+
+    def abort(self) -> None:
+        """Publish the rest of what is final."""
+        self._publish_truth()
+        self._truth.drain(1.0)
+        super().abort()
+
+    def _take(self, link: Link, sequence: int, value: FloatArray, sent_ns: int, now_ns: int) -> None:
+        self.worker.on_message(link, sequence, value, sent_ns, now_ns)
+
+    def _on_effect(self, effect: Effect) -> None:
+        match effect:
+            case Offer(window, grant):
+                self._windows.publish(encode_window(window, grant))
+            case Commit(first, samples):
+                if not self._committed:
+                    self._first = first
+                self._committed.append(samples)
+            case _:
+                super()._on_effect(effect)
+
+    def _hand_over_ledger(self, now_ns: int) -> None:
+        self._publish_truth()
+        super()._hand_over_ledger(now_ns)
+
+    def _publish_truth(self) -> None:
+        if not self._committed:
+            return
+        samples = np.concatenate(self._committed)
+        self._committed.clear()
+        for first in range(0, samples.shape[0], MOST_SAMPLES):
+            self._truth.publish(encode_truth(self._first + first, samples[first : first + MOST_SAMPLES]))
