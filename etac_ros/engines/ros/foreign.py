@@ -9,15 +9,18 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
+from etac_ros.engines.ros.causes import Causes
 from etac_ros.engines.ros.endpoints import Subscription, name_of
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
 from etac_ros.graph.graph import Link, Reliability
 
-Listen = Callable[[Link, Callable[[Any, int], None]], Subscription]
-"""Subscribes to a topic of a foreign node."""
+Listen = Callable[[Link, Callable[[Any, int], None], bool], Subscription]
+"""Subscribes to a topic of a foreign node; the last argument says whether the node itself is the publisher."""
 
 _LOOK_S = 1.0
+_SLOW_S = 2.0
+"""Wall time after which it is said for which foreign node the run waits; an error it is after ``quiet_s``."""
 
 
 class Foreign:
@@ -46,13 +49,56 @@ class Foreign:
         self._looked = time.monotonic()
         self._said: set[str] = set()
         self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
+        self._causes: dict[str, Causes] = {}
+        self._asked: dict[str, Subscription] = {}
+        self._owing_since: tuple[int, float] | None = None
+        self._called_slow = False
         if listen is not None:
             for link in self._topics:
-                self._answers[link.name] = listen(link, self._check_lead(link))
+                self._answers[link.name] = listen(link, self._on_answer(link), True)
+                for question in graph.hears[link.sender]:
+                    if plan.listens_to_question(question):
+                        self._causes[link.name] = Causes()
+                        self._ask(link, question, listen)
+
+    def _ask(self, answer: Link, question: Link, listen: Listen) -> None:
+        def on_question(data: Any, sequence: int) -> None:
+            end = self._asked[answer.name]
+            self._check_cause(answer, self._causes[answer.name].question(end.source_ns))
+
+        self._asked[answer.name] = listen(question, on_question, False)
 
     def complete(self) -> bool:
-        """Whether all answers that were asked for have come."""
-        return all(self._owed(link) <= 0 for link in self._answers)
+        """Whether all answers that were asked for have come, each after its question."""
+        return all(self._owed(link) <= 0 for link in self._answers) and all(
+            causes.settled for causes in self._causes.values()
+        )
+
+    def absent(self) -> list[str]:
+        """Foreign nodes that have not appeared, with the topic that nobody publishes."""
+        return [
+            f"{link.sender} (no publisher of {link.topic} that fits)"
+            for link in self._topics
+            if not any(self._joins(link, end) for end in self._publishers(link))
+        ]
+
+    def slow(self) -> str:
+        """For which foreign node the run has been waiting for a while; said once a run, empty otherwise."""
+        owing = next((link for link in self._answers if self._owed(link) > 0), None)
+        if owing is None:
+            self._owing_since = None
+            return ""
+        end, now = self._answers[owing], time.monotonic()
+        if self._owing_since is None or self._owing_since[0] != end.count.messages:
+            self._owing_since = end.count.messages, now
+        if self._called_slow or now - self._owing_since[1] < _SLOW_S:
+            return ""
+        self._called_slow = True
+        return (
+            f"waiting for {self._link(owing).sender} to answer on {end.topic}: of "
+            f"{end.count.messages + self._owed(owing)} answers there came {end.count.messages}; "
+            f"after {self._plan.quiet_s:g} s without one the run fails"
+        )
 
     def fits(self) -> bool:
         """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
@@ -114,13 +160,27 @@ class Foreign:
             if self._owed(link):
                 raise self._wrong_count(link, end)
 
-    def _check_lead(self, link: Link) -> Callable[[Any, int], None]:
+    def _check_cause(self, answer: Link, early: tuple[int, int] | None) -> None:
+        if early is None:
+            return
+        number, by_ns = early
+        raise CountMismatch(
+            f"node {answer.sender}, topic {answer.topic}",
+            f"its message {number} was published {by_ns / 1e6:.3g} ms before the one that it should answer",
+            "exactly one message for each that it receives, and none by itself",
+            "publish in the callback of the subscription: no timer of its own, and no second answer",
+        )
+
+    def _on_answer(self, link: Link) -> Callable[[Any, int], None]:
         may_lead = max(1, len(self._plan.graph.hears[link.sender]))
 
         def on_message(data: Any, sequence: int) -> None:
             # A question and its answer may both overtake the report that the question was asked.
+            end = self._answers[link.name]
+            if link.name in self._causes:
+                self._check_cause(link, self._causes[link.name].answer(end.source_ns))
             if -self._owed(link.name) > may_lead:
-                raise self._wrong_count(link.name, self._answers[link.name])
+                raise self._wrong_count(link.name, end)
 
         return on_message
 
