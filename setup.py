@@ -61,6 +61,7 @@ setup(
         "mutation": ["cosmic-ray"],
         "test": [
             "colcon-common-extensions",
+            "cyclonedds",
             "distributed",
             "hypothesis",
             "jsonschema",

@@ -32,6 +32,7 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
+from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
@@ -286,9 +287,10 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
     Raises
     ------
     ScenarioError
-        If it cannot.
+        If it cannot, or foreign nodes play roles that they can only play in real time.
     """
     if options.rate is None:
+        check_foreign(scenario.graph, str(scenario.path))
         return None
     from etac_ros.engines.ros.plan import RealTime
 

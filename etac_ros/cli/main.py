@@ -287,6 +287,21 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
     typer.echo(for_others(loaded).text, nl=False)
 
 
+@app.command()
+def contract(
+    scenario: ScenarioName,
+    node: Annotated[str, typer.Argument(help="Full name of a node, as /sensor.")],
+    variant: Variant = None,
+    set_: Set = None,
+) -> None:
+    """Print what a foreign node has to subscribe to and publish in the place of a node."""
+    from etac_ros.cli.contract import show_contract
+    from etac_ros.cli.show import make_console
+    from etac_ros.scenario.load import load
+
+    show_contract(load(scenario, variant, set_ or ()), node, make_console())
+
+
 @app.command("list")
 def list_() -> None:
     """List the scenarios and their variants."""

@@ -14,6 +14,8 @@ from etac_ros.engines.ros.messages import message_type
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import CountMismatch, RunError
 from etac_ros.graph.graph import Link
+from etac_ros.graph.topics import window_topic
+from etac_ros.graph.wire import TABLE_TYPE
 
 Listen = Callable[[type, str, Callable[[Any, int], None]], Subscription]
 """Subscribes to a topic of a foreign node."""
@@ -39,25 +41,30 @@ class Foreign:
 
     def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen | None) -> None:
         graph = plan.graph
+        foreign = graph.external
         self._plan = plan
         self._node = node
         self._sent = sent
         self._answers: dict[str, Subscription] = {}
-        self._topics = [link for link in graph.links.values() if link.sender in graph.external]
+        self._offered = [(link.topic, link.wire.type_name) for link in graph.links.values() if link.sender in foreign]
+        self._offered += [(window_topic(name), TABLE_TYPE) for name in graph.plants if name in foreign]
+        self._asked = [
+            (link.topic, link.wire.type_name) for link in graph.links.values() if foreign & link.receivers.keys()
+        ]
         self._looked = time.monotonic()
         self._said: set[str] = set()
-        self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
         if listen is not None:
-            for link in self._topics:
-                self._answers[link.name] = listen(message_type(link.wire), link.topic, self._check_lead(link))
+            for link in graph.links.values():
+                if link.sender in foreign:
+                    self._answers[link.name] = listen(message_type(link.wire), link.topic, self._check_lead(link))
 
     def complete(self) -> bool:
         """Whether all answers that were asked for have come."""
         return all(self._owed(link) <= 0 for link in self._answers)
 
     def fits(self) -> bool:
-        """Whether every topic of a foreign node has a publisher that DDS joins with our subscriptions."""
-        return all(any(self._joins(link, end) for end in self._publishers(link)) for link in self._topics)
+        """Whether every topic of a foreign node has one publisher, which DDS joins with our subscriptions."""
+        return all(sum(self._joins(kind, end) for end in self._publishers(topic)) == 1 for topic, kind in self._offered)
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
@@ -127,7 +134,7 @@ class Foreign:
 
     def _is_time(self) -> bool:
         now = time.monotonic()
-        due = now - self._looked >= _LOOK_S and bool(self._topics or self._questions)
+        due = now - self._looked >= _LOOK_S and bool(self._offered or self._asked)
         if due:
             self._looked = now
         return due
@@ -145,34 +152,32 @@ class Foreign:
             "exactly one message for each that it receives, and none by itself",
         )
 
-    def _publishers(self, link: Link) -> list[Any]:
-        return list(self._node.get_publishers_info_by_topic(link.topic))
+    def _publishers(self, topic: str) -> list[Any]:
+        return list(self._node.get_publishers_info_by_topic(topic))
 
-    def _joins(self, link: Link, end: Any) -> bool:
-        reliable = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
-        return reliable and end.topic_type == link.wire.type_name
+    def _joins(self, kind: str, end: Any) -> bool:
+        return end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT and end.topic_type == kind
 
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
-        for link in self._topics:
-            for end in self._publishers(link):
-                if end.topic_type != link.wire.type_name:
-                    found.append(
-                        f"{name_of(end)} publishes {end.topic_type} on {link.topic}; expected: {link.wire.type_name}"
-                    )
-                elif not self._joins(link, end):
-                    found.append(f"{name_of(end)} offers best effort on {link.topic}; asked for: reliable")
+        for topic, kind in self._offered:
+            ends = self._publishers(topic)
+            fit = sorted(name_of(end) for end in ends if self._joins(kind, end))
+            if len(fit) > 1:
+                found.append(f"{' and '.join(fit)} publish on {topic}; expected: one of them")
+            for end in ends:
+                if end.topic_type != kind:
+                    found.append(f"{name_of(end)} publishes {end.topic_type} on {topic}; expected: {kind}")
+                elif not self._joins(kind, end):
+                    found.append(f"{name_of(end)} offers best effort on {topic}; asked for: reliable")
         own = set(self._plan.nodes)
-        for link in self._questions:
-            for end in self._node.get_subscriptions_info_by_topic(link.topic):
+        for topic, kind in self._asked:
+            for end in self._node.get_subscriptions_info_by_topic(topic):
                 if name_of(end) in own:
                     continue
-                if end.topic_type != link.wire.type_name:
-                    found.append(
-                        f"{name_of(end)} subscribes to {end.topic_type} on {link.topic}; "
-                        f"sent there: {link.wire.type_name}"
-                    )
+                if end.topic_type != kind:
+                    found.append(f"{name_of(end)} subscribes to {end.topic_type} on {topic}; sent there: {kind}")
                 elif end.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-                    found.append(f"{name_of(end)} asks for transient local on {link.topic}; offered: volatile")
+                    found.append(f"{name_of(end)} asks for transient local on {topic}; offered: volatile")
         return found
