@@ -30,6 +30,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.wall_clock import WallClock, rate_of
+from etac_ros.metrics.clocks import with_delayed_torques
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
@@ -222,6 +223,12 @@ def simulate(scenario: Scenario) -> Run:
     """
     began = time.perf_counter()
     return _simulated(scenario, scenario.build(), began, None)[0]
+
+
+def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
+    """Run a scenario by calls with torques that act so many ticks later, as they do in real time."""
+    began = time.perf_counter()
+    return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
 def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None) -> tuple[Run, int]:

@@ -128,10 +128,25 @@ def compare(
         list[str] | None, typer.Option(help="A variant; repeatable. Default: the scenario's own.")
     ] = None,
     set_: Set = None,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
+    bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
 ) -> None:
-    """Run variants in process and show them beside each other and beside the paper."""
+    """Run variants and show them beside each other and beside the paper; or one in real time beside simulated ones."""
     from etac_ros.cli.compare import compare as compare_variants
     from etac_ros.cli.show import make_console
+
+    speed = rate_of_clock(clock, rate)
+    if speed is not None:
+        from etac_ros.cli.compare_clocks import compare_clocks
+        from etac_ros.runs import RosOptions
+
+        if len(variant or ()) > 1:
+            raise ScenarioError("--variant", "is there more than once", "one, with --clock wall")
+        options = RosOptions(processes.value, rate=speed)
+        compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
+        return
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 
