@@ -76,6 +76,8 @@ def test_a_report_shows_what_the_terminal_showed(run: Run) -> None:
     page = write_report(run.bag).read_text()
     for words in ("Latency of topics", "From sample to torque", "Punctuality of nodes"):
         assert words in page
+    assert 'id="latency"' in page
+    assert (run.bag / "report" / "latency.png").stat().st_size > 10_000
 
 
 def test_strict_ends_a_run_at_a_rate_that_nobody_holds(tmp_path: Path) -> None:
