@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hands import Start
+from hands import Start, foreign
 from rich.console import Console
 
 from etac_ros.cli.contract import contract, example, show_contract
@@ -20,6 +20,7 @@ from etac_ros.engines.ros.domain import DomainLease
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import LinkKind
 from etac_ros.graph.wire import Wire, WireFormat
+from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
 
@@ -52,6 +53,18 @@ def test_a_controller_in_plain_rclpy(tmp_path: Path, start: Start, lease: Domain
     account = found.summary.real_time
     assert account is not None
     assert account.loops["/emulation/torque"].ms.count == found.summary.topics["/torque_command"].messages
+    assert account.foreign["/controller"].fits
+
+
+@pytest.mark.slow
+def test_one_that_answers_twice_is_shown(tmp_path: Path, start: Start, lease: DomainLease) -> None:
+    foreign(start, "--replies", "2")
+    account = run(lease, tmp_path / "bag", "wu2018", "controller", 20, 20.0).summary.real_time
+    assert account is not None
+    counts = account.foreign["/controller"]
+    assert counts.came == 2 * counts.asked
+    assert not counts.fits
+    assert any("not one answer to each message" in row.cells for t in real_time_tables(account) for row in t.rows)
 
 
 @pytest.mark.slow

@@ -69,6 +69,8 @@ class WallHost(Host):
             self._spinner.once(max(0, min(look, self._due_ns(look)) - now) / NANOSECONDS)
             for node in self._timed:
                 node.turn()
+        for node in self._timed:
+            node.finish()
 
     def _due_ns(self, otherwise: int) -> int:
         return min((due for node in self._timed if (due := node.next_wake_ns()) is not None), default=otherwise)
