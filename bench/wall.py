@@ -30,25 +30,25 @@ FIRST = {"xie2021": 0.5}
 """Where to begin; 1 elsewhere."""
 
 
-def measure(name: str, rate: float, seconds: float, processes: str) -> RealTimeAccount:
+def measure(name: str, rate: float, seconds: float, processes: str, priority: int) -> RealTimeAccount:
     """One run of so many seconds of wall time."""
     grid = load(name).run
     ticks = round(min(grid.duration_s, seconds * rate) * grid.ticks_per_second)
     scenario = load(name, None, [f"duration_s={ticks / grid.ticks_per_second:.12g}"])
     with TemporaryDirectory() as folder, contextlib.redirect_stderr(io.StringIO()):
-        options = RosOptions(processes, rate=rate)
+        options = RosOptions(processes, rate=rate, priority=priority)
         account = run_over_ros(scenario, Path(folder, "bag"), options).summary.real_time
     assert account is not None
     return account
 
 
-def row(name: str, seconds: float, tries: int) -> tuple[Row, Row]:
+def row(name: str, seconds: float, tries: int, priority: int) -> tuple[Row, Row]:
     """The highest rate held, with what was measured at it; and the overruns at each rate."""
     held: tuple[float, RealTimeAccount] | None = None
     told = []
     for rate in (rate for rate in RATES if rate >= FIRST.get(name, 1.0)):
         try:
-            accounts = [measure(name, rate, seconds, SCENARIOS[name]) for _ in range(tries)]
+            accounts = [measure(name, rate, seconds, SCENARIOS[name], priority) for _ in range(tries)]
         except RunError as error:
             told.append(f"{rate:g}: {error.found}")
             break
@@ -82,9 +82,10 @@ def main() -> None:
     parser.add_argument("scenarios", nargs="*", default=list(SCENARIOS))
     parser.add_argument("--seconds", type=float, default=5.0, help="wall time of a try")
     parser.add_argument("--tries", type=int, default=3)
+    parser.add_argument("--priority", type=int, default=0, help="as of etac run")
     given = parser.parse_args()
     before = os.getloadavg()[0]
-    pairs = [row(name, given.seconds, given.tries) for name in given.scenarios]
+    pairs = [row(name, given.seconds, given.tries, given.priority) for name in given.scenarios]
     columns = (
         "scenario", "highest rate held", "tick [ms]", "slowest topic, median / 99 % [ms]",
         "sample to torque, median / most [ms]", "most [ticks]", "woke late, 99 % [ms]",
@@ -95,8 +96,8 @@ def main() -> None:
         Table("", told, tuple(tries for _, tries in pairs), texts=frozenset(told[1:])),
     ):
         print("\n".join(markdown_lines(table)), end="\n\n")
-    print(f"{given.tries} tries of {given.seconds:g} s each; load of the machine {before:.1f} before, "
-          f"{os.getloadavg()[0]:.1f} after, {os.cpu_count()} cores")  # fmt: skip
+    loads = f"load of the machine {before:.1f} before, {os.getloadavg()[0]:.1f} after, {os.cpu_count()} cores"
+    print(f"{given.tries} tries of {given.seconds:g} s each, priority {given.priority}; {loads}")
 
 
 if __name__ == "__main__":

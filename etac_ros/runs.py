@@ -277,6 +277,9 @@ class RosOptions:
         Simulated seconds a second, for a run in real time; None runs in simulated time.
     strict
         In real time: the first missed tick ends the run.
+    priority
+        In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
+        one.
     """
 
     processes: str = "node"
@@ -286,6 +289,7 @@ class RosOptions:
     quiet_s: float = QUIET_S
     rate: float | None = None
     strict: bool = False
+    priority: int = 0
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -300,6 +304,7 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
         check_foreign(scenario.graph, str(scenario.path))
         return None
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.engines.ros.wall_time import check_priority
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
@@ -311,7 +316,8 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
-    return RealTime(rate_of(options.rate), options.strict)
+    check_priority(options.priority)
+    return RealTime(rate_of(options.rate), options.strict, options.priority)
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:

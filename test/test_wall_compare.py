@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
 from io import StringIO
 from pathlib import Path
@@ -15,7 +16,7 @@ from wall_network import WallNetwork
 from etac_ros.cli.compare_clocks import clocks_table, compare_clocks
 from etac_ros.cli.main import app
 from etac_ros.cli.nodes import parse_clock
-from etac_ros.engines.ros.wall_time import Tie
+from etac_ros.engines.ros.wall_time import Tie, check_priority
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.metrics.clocks import Agreement, states_apart, with_delayed_torques
@@ -82,6 +83,8 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
     [
         (["run", "wu2018", "--rate", "2"], "--rate 2: is for --clock wall"),
         (["run", "wu2018", "--strict"], "--strict: is for --clock wall"),
+        (["run", "wu2018", "--priority", "5"], "--priority 5: is for --clock wall"),
+        (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),
         (["compare", "wu2018", "--clock", "wall", "--variant", "noise", "--variant", "radio"], "more than once"),
         (["compare", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
         (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
@@ -91,6 +94,18 @@ def test_what_contradicts_itself_is_refused(arguments: list[str], said: str) -> 
     done = CliRunner().invoke(app, arguments)
     assert isinstance(done.exception, ScenarioError)
     assert said in str(done.exception)
+
+
+def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise PermissionError
+
+    before = os.sched_getscheduler(0)
+    check_priority(0)
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with pytest.raises(ScenarioError, match=r"--priority 10: is not allowed to this user\n.*\n.*rtprio"):
+        check_priority(10)
+    assert os.sched_getscheduler(0) == before
 
 
 def test_executables_take_the_clock() -> None:

@@ -43,12 +43,14 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
+def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False, priority: int = 0) -> float | None:
     """Simulated seconds a second; None in simulated time."""
     if clock is ClockKind.wall:
         return rate
-    if rate != 1.0 or strict:
-        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+    given = {"--strict": strict, f"--priority {priority}": priority != 0, f"--rate {rate:g}": rate != 1.0}
+    for option, is_given in given.items():
+        if is_given:
+            raise ScenarioError(option, "is for --clock wall", "", "add --clock wall")
     return None
 
 
@@ -63,6 +65,9 @@ class Spread(StrEnum):
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
 Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
+Priority = Annotated[
+    int, typer.Option(help="For --clock wall: real-time priority (SCHED_FIFO) of the processes, 1 to 99.")
+]
 ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
 Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
@@ -95,6 +100,7 @@ def run(
     clock: Clock = ClockKind.sim,
     rate: Rate = 1.0,
     strict: Strict = False,
+    priority: Priority = 0,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
@@ -113,8 +119,9 @@ def run(
         record_windows,
         only,
         quiet_s,
-        rate_of_clock(clock, rate, strict),
+        rate_of_clock(clock, rate, strict, priority),
         strict,
+        priority,
     )
     console = make_console()
     console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way
@@ -130,6 +137,7 @@ def compare(
     set_: Set = None,
     clock: Clock = ClockKind.sim,
     rate: Rate = 1.0,
+    priority: Priority = 0,
     processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
     bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
 ) -> None:
@@ -137,14 +145,14 @@ def compare(
     from etac_ros.cli.compare import compare as compare_variants
     from etac_ros.cli.show import make_console
 
-    speed = rate_of_clock(clock, rate)
+    speed = rate_of_clock(clock, rate, priority=priority)
     if speed is not None:
         from etac_ros.cli.compare_clocks import compare_clocks
         from etac_ros.runs import RosOptions
 
         if len(variant or ()) > 1:
             raise ScenarioError("--variant", "is there more than once", "one, with --clock wall")
-        options = RosOptions(processes.value, rate=speed)
+        options = RosOptions(processes.value, rate=speed, priority=priority)
         compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
         return
 
@@ -338,11 +346,12 @@ def node(
     clock: Clock = ClockKind.sim,
     rate: Rate = 1.0,
     strict: Strict = False,
+    priority: Priority = 0,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict, priority), strict, priority)
 
 
 @app.command()

@@ -53,12 +53,20 @@ class RunRequest:
     quiet_s: float = QUIET_S
     rate: float | None = None
     strict: bool = False
+    priority: int = 0
 
     @property
     def options(self) -> RosOptions:
         """How the run is spread over processes, recorded and timed."""
         return RosOptions(
-            self.processes, self.domain, self.record_windows, self.only, self.quiet_s, self.rate, self.strict
+            self.processes,
+            self.domain,
+            self.record_windows,
+            self.only,
+            self.quiet_s,
+            self.rate,
+            self.strict,
+            self.priority,
         )
 
 
