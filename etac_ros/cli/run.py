@@ -56,6 +56,7 @@ class RunRequest:
     capture: str | None = None
     """The pcapng file to keep; empty keeps none; None captures nothing."""
     pace: float | None = None
+    priority: int = 0
 
     @property
     def options(self) -> RosOptions:
@@ -71,6 +72,7 @@ class RunRequest:
             self.capture is not None,
             Path(self.capture) if self.capture else None,
             self.pace,
+            self.priority,
         )
 
 

@@ -28,10 +28,13 @@ class RealTime:
         Simulated seconds a second.
     strict
         Whether the first missed tick ends the run.
+    priority
+        Of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary one.
     """
 
     rate: Fraction
     strict: bool = False
+    priority: int = 0
 
 
 @dataclass(frozen=True)
