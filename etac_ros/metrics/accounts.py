@@ -141,7 +141,9 @@ def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> 
     links = graph.sends[name]
     sent = recording.messages[links[0].name] if links else []
     safe = _outlived([message.tick for message in sent], hold_ticks)
-    ticks = [*(message.tick for message in sent), graph.end_tick]
+    # A run that a watch has ended is over at its last sample.
+    last = max((first + len(samples) - 1 for first, samples in map(recording.samples, graph.plants)), default=0)
+    ticks = [*(message.tick for message in sent), min(last, graph.end_tick)]
     lasts = [until - tick for tick, until in pairwise(ticks)]
     return HoldAccount(
         time_to_live_s=hold_ticks / graph.ticks_per_second,
