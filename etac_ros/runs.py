@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import secrets
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
-from etac_ros.bag.definitions import schema_text
+from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.run_metadata import of_wall_clock
+from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.errors import BagError, RunHalted, ScenarioError
+from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
+from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
 from etac_ros.metrics.published import check as check_figures
@@ -46,6 +54,8 @@ _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
+_LOOKED_AHEAD_S = 0.1
+"""How far a run that is slowed down is computed ahead of what is shown [wall s]."""
 SCENARIO_ATTACHMENT = "scenario.yaml"
 _warm: set[str] = set()
 """Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
@@ -99,6 +109,7 @@ def warm_up(scenario: Scenario) -> None:
     if scenario.digest in _warm:
         return
     _warm.add(scenario.digest)
+    import_numba()
     graph = scenario.build()
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
@@ -137,9 +148,13 @@ def open_bag(
     directory: Path,
     engine: str,
     extra: tuple[TopicDescription, ...] = (),
+    state: StateStreams | None = None,
     wall: WallClock | None = None,
 ) -> RunBag:
-    """Create the bag of a run, with the complete parameter file inside; ``wall`` is that of a run in real time."""
+    """Create the bag of a run, with the complete parameter file inside.
+
+    ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time.
+    """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
     derive_with = scenario.build() if foreign_classes(scenario.classes) else None
@@ -147,7 +162,34 @@ def open_bag(
     if wall is not None:
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with)
+        state = None if state is None else state_streams(scenario, wall)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall)
+
+
+def state_streams(scenario: Scenario, wall: WallClock | None = None) -> StateStreams | None:
+    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none.
+
+    ``wall`` is the clock of a run in real time.
+    """
+    rate_hz = scenario.run.state_rate_hz
+    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz, wall)
+
+
+def layouts_of(scenario: Scenario) -> dict[str, str]:
+    """Layouts for bags of a scenario's runs, by file name: for Foxglove, and for PlotJuggler.
+
+    Raises
+    ------
+    ScenarioError
+        If its bags show no state.
+    """
+    state = state_streams(scenario)
+    if state is None:
+        raise ScenarioError("state_rate_hz", "is 0, so its bags show no state", "a rate, or no such key")
+    return {
+        f"{scenario.name}.foxglove.json": foxglove(scenario.graph, state.topics),
+        f"{scenario.name}.plotjuggler.xml": plotjuggler(scenario.graph, state.topics),
+    }
 
 
 def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
@@ -156,7 +198,44 @@ def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     return tuple(TopicDescription(ledger_topic(name), TABLE_TYPE, "emulation") for name in own)
 
 
-def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
+def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
+    """Windows of a run that is slowed down: none reaches further ahead than one looks.
+
+    Raises
+    ------
+    ScenarioError
+        If the pace is none.
+    """
+    if pace is None:
+        return windows
+    if not 0.0 < pace < float("inf"):
+        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
+    longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
+    return WindowPolicy(min(windows.first, longest), longest)
+
+
+class Pace:
+    """Lets simulated time go no faster than a rate.
+
+    Parameters
+    ----------
+    rate
+        Simulated seconds a second; None never waits.
+    ticks_per_second
+        Rate of the tick grid [1/s].
+    """
+
+    def __init__(self, rate: float | None, ticks_per_second: int) -> None:
+        self._ticks_a_second = None if rate is None else rate * ticks_per_second
+        self._began = time.perf_counter()
+
+    def wait(self, tick: int) -> None:
+        """Wait until a tick's time has come."""
+        if self._ticks_a_second is not None:
+            time.sleep(max(0.0, self._began + tick / self._ticks_a_second - time.perf_counter()))
+
+
+def run_in_process(scenario: Scenario, bag: Path | None = None, pace: float | None = None) -> Run:
     """Run a scenario by calls, in this process.
 
     Parameters
@@ -165,6 +244,8 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         What to run.
     bag
         Directory of a bag to write; None writes none.
+    pace
+        Simulated seconds a second at most; None lets it run. No bit depends on it.
 
     Raises
     ------
@@ -177,7 +258,7 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         check_writable(bag)
     checked_graph(scenario)
     warm_up(scenario)
-    run, tick = _simulated(scenario, scenario.build(), began, bag)
+    run, tick = _simulated(scenario, scenario.build(), began, bag, pace)
     _raise_if_halted(scenario, run.summary.halted, tick)
     return run
 
@@ -231,19 +312,23 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
-def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None) -> tuple[Run, int]:
+def _simulated(
+    scenario: Scenario, graph: Graph, began: float, bag: Path | None, pace: float | None = None
+) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
-    engine = InProcess(graph, windows)
+    windows = short_windows(windows, pace, graph.ticks_per_second)
+    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
     started = time.perf_counter()
     recording = engine.run()
     ended = time.perf_counter()
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
-        write_recording(bag, graph, recording, bag_metadata(scenario, "inprocess"), attachments, derive_with)
+        metadata = bag_metadata(scenario, "inprocess")
+        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
     summary = summarise(
         scenario,
         graph,
@@ -277,6 +362,12 @@ class RosOptions:
         Simulated seconds a second, for a run in real time; None runs in simulated time.
     strict
         In real time: the first missed tick ends the run.
+    pace
+        In simulated time: simulated seconds a second at most; None lets it run. No bit depends on it.
+    capture
+        Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
+    keep_capture
+        Keep what was captured in this pcapng file.
     priority
         In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
         one.
@@ -289,6 +380,9 @@ class RosOptions:
     quiet_s: float = QUIET_S
     rate: float | None = None
     strict: bool = False
+    capture: bool = False
+    keep_capture: Path | None = None
+    pace: float | None = None
     priority: int = 0
 
 
@@ -308,11 +402,11 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
-    emulated = [link.name for link in scenario.graph.links.values() if link.medium or not link.channel.ideal]
+    emulated = [link.name for link in scenario.graph.links.values() if not link.is_ideal]
     if emulated:
         raise ScenarioError(
             f"--clock wall: links {', '.join(emulated)}",
-            "have an emulated delay, loss or medium, whose outcome is in simulated time",
+            "have an emulated delay, loss, medium or acknowledgement, whose outcome is in simulated time",
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
@@ -401,27 +495,41 @@ def run_over_ros(
     from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     began = time.perf_counter()
-    windows = windows_of(scenario)
+    windows = short_windows(windows_of(scenario), options.pace, scenario.run.ticks_per_second)
     check_writable(bag)
     graph = checked_graph(scenario)
     wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token, options.quiet_s, wall)
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        graph,
+        windows,
+        options.record_windows,
+        token,
+        options.quiet_s,
+        wall,
+        options.pace,
+    )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
-    for topic in (*recorded_topics(graph), *extra):
-        schema_text(topic.type_name)  # loads the definitions before the fork, where they cost nobody's start-up
+    state = state_streams(scenario)
+    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
+        (
+            schema_text(topic.type_name),
+            type_hash(topic.type_name),
+        )  # loads the definitions before the fork, where they cost nobody's start-up
     lease = take_domain(options.domain)
     try:
-        with SignalGuard() as guard:
+        with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
                 plan,
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, wall),
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall),
                 on_progress,
                 on_start,
                 guard,
@@ -434,6 +542,8 @@ def run_over_ros(
             assert outcome is not None  # this part keeps time
     finally:
         lease.release()
+    if wire:
+        write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check = check_outcome if wall is None else check_wall_outcome
@@ -451,12 +561,39 @@ def run_over_ros(
         measured_cdr=sizes,
         memory_kib=outcome.memory_kib(),
         strangers=outcome.strangers(),
+        wire=wire[0] if wire else None,
         halted=outcome.halted,
         bag=str(bag),
         stepped_s=_stepped_s(outcome.leave_notes),
     )
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+@contextlib.contextmanager
+def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
+    """Captures meanwhile; what was captured is in the list afterwards, if something was."""
+    accounts: list[WireAccount] = []
+    if not options.capture:
+        yield accounts
+        return
+    from etac_ros.capture.live import CannotCapture, Capture, ports_of
+
+    with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+        path = options.keep_capture or Path(folder, "run.pcapng")
+        try:
+            capture = Capture(path, ports_of(domain))
+        except CannotCapture as error:
+            print(f"etac: {error}\netac: the run goes on, and nothing is captured", file=sys.stderr)
+            yield accounts
+            return
+        try:
+            yield accounts
+        except BaseException:
+            with contextlib.suppress(EtacError):  # what is captured of a run that failed is kept, too
+                capture.stop()
+            raise
+        accounts.append(account_of(path, graph, capture.stop()))
 
 
 def _run_in_own_process(

@@ -1,40 +1,40 @@
-"""Listens to diagnostics and to the clock of a run, as any ROS tool does, and tells at its end what it heard."""
+"""A foreign node that only listens, in plain rclpy: it prints what it gets until it has heard so many messages."""
 
 from __future__ import annotations
 
-import json
-import signal
 import sys
-from types import FrameType
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
+from geometry_msgs.msg import Point32, PoseStamped
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+count = int(sys.argv[1])
+rclpy.init()
 node = rclpy.create_node("listener")
-clock: list[float] = []
-nodes: dict[str, dict[str, str]] = {}
-ended: list[int] = []
+heard, newest = 0, 0
 
 
-def on_diagnostics(message: DiagnosticArray) -> None:
-    for status in message.status:
-        nodes[status.name] = {value.key: value.value for value in status.values}
+def on_point(s: Point32) -> None:
+    global heard
+    heard += 1
+    print(s.x, s.y, s.z, flush=True)
 
 
-def end(number: int, frame: FrameType | None) -> None:
-    ended.append(number)
+def on_pose(pose: PoseStamped) -> None:
+    stamps.add(pose.header.stamp.sec)
 
 
-signal.signal(signal.SIGTERM, end)
-node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, 10)
-best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-node.create_subscription(Clock, "/clock", lambda m: clock.append(m.clock.sec + m.clock.nanosec * 1e-9), best_effort)
+def on_clock(clock: Clock) -> None:
+    times.append(clock.clock.sec * 10**9 + clock.clock.nanosec)
+
+
+stamps: set[int] = set()
+times: list[int] = []
+node.create_subscription(Clock, "/clock", on_clock, 1000)
+node.create_subscription(PoseStamped, "/state/plant/attitude", on_pose, QoSProfile(depth=1000))
 print("ready", flush=True)
-while not ended:
-    rclpy.spin_once(node, timeout_sec=0.1)
-print(json.dumps({"clock": clock, "nodes": nodes}))
-sys.stdout.flush()
+node.create_subscription(Point32, "/filtered_error", on_point, QoSProfile(depth=1000))
+while heard < count:
+    rclpy.spin_once(node, timeout_sec=1.0)
+print("clock", times == sorted(times), len(times) > 0, flush=True)

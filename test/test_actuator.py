@@ -11,9 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydantic import ValidationError
 
+from etac_ros.engines.inprocess import InProcess
 from etac_ros.graph.module import Arrival, Context
+from etac_ros.metrics.accounts import HoldAccount, hold_accounts
 from etac_ros.modules.actuator import Actuator, ActuatorParameters
 from etac_ros.parameters import FloatArray
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import load
 
 numbers = st.floats(-1e6, 1e6)
 
@@ -52,8 +56,39 @@ def test_wheel_axes(command: FloatArray, axes: FloatArray) -> None:
         ({"size": 4, "axes": (1.0,) * 6}, "rows of 4 numbers in axes"),
         ({"limit_nm": 1.0, "limits": (1.0, 1.0, 1.0)}, "one of limit_nm"),
         ({"effectiveness": (1.0, -0.1, 1.0)}, "greater than or equal to 0"),
+        ({"safe_command": (1.0, 0.0, 0.0)}, "say time_to_live_s, too"),
+        ({"safe_command": (1.0,), "time_to_live_s": 1.0}, "3 numbers in safe_command"),
     ],
 )
 def test_numbers_that_do_not_fit_are_refused(parameters: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         ActuatorParameters(**parameters)
+
+
+# Commands once a second; those of 5, 6 and 7 s are lost.
+OUTAGE = ["duration_s=12", "links.torque_command.outages={actuator: [5.0, 8.0]}"]
+
+
+def test_a_command_that_outlives_its_time_gives_way_to_the_safe_one() -> None:
+    keys = ["actuator.time_to_live_s=1.5", "actuator.safe_command=[0.5, 0.0, -0.5]", "actuator.limit_nm=0.3"]
+    graph = load("wu2018", "periodic", [*OUTAGE, *keys]).build()
+    recording = InProcess(graph).run()
+    torques = {message.tick: message.value.tolist() for message in recording.messages["torque"]}
+    # The command of 4 s (tick 128) is in time for 48 ticks more.
+    assert list(torques) == [*range(0, 129, 32), 177, *range(256, 384, 32)]
+    assert torques[177] == [0.3, 0.0, -0.3]
+    assert hold_accounts(graph, recording) == {
+        "/actuator": HoldAccount(time_to_live_s=1.5, expired=1, safe_s=(256 - 177) / 32)
+    }
+
+
+def test_the_safe_command_is_zero_and_a_command_at_the_last_tick_is_in_time() -> None:
+    graph = load("wu2018", "periodic", [*OUTAGE, "actuator.time_to_live_s=1.0"]).build()
+    recording = InProcess(graph).run()
+    expired = [message for message in recording.messages["torque"] if message.step == 0]
+    assert [(message.tick, message.value.tolist()) for message in expired] == [(161, [0.0, 0.0, 0.0])]
+
+
+def test_without_a_time_to_live_nothing_expires_and_no_account_is_given() -> None:
+    summary = run_in_process(load("wu2018", "periodic", OUTAGE)).summary
+    assert summary.holds == {}

@@ -172,7 +172,9 @@ def test_a_bag_over_dds_holds_the_same(theirs: Path, tmp_path: Path) -> None:
 
 
 def test_a_bag_that_was_cut_off_has_all_that_was_derived_of_its_truth(theirs: Path, tmp_path: Path) -> None:
-    scenario = with_their(load("wu2018", None, ["duration_s=200"]), ("etac_ros.plants.rigid",), tmp_path)
+    scenario = with_their(
+        load("wu2018", None, ["duration_s=200", "state_rate_hz=0"]), ("etac_ros.plants.rigid",), tmp_path
+    )
     run_in_process(scenario, tmp_path / "bag")
     path = tmp_path / "bag" / "bag_0.mcap"
     whole = path.read_bytes()

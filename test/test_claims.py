@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import claims
 import pytest
+
+from etac_ros.metrics.stored import stored_sweep
+from etac_ros.scenario.load import load
 
 ALL, QUOTES = claims.read()
 FAST = [claim for claim in ALL if not claim.slow]
@@ -23,6 +28,29 @@ def test_a_claim_that_takes_long_stands_where_it_says(claim: claims.Claim) -> No
 @pytest.mark.parametrize("name", [f"config/{path.name}" for path in sorted((claims.ROOT / "config").glob("*.yaml"))])
 def test_no_number_stands_in_a_reason_without_a_claim_or_a_source(name: str) -> None:
     assert claims.unfounded(name, ALL, QUOTES[name]) == []
+
+
+def test_no_number_stands_in_the_readme_without_a_claim_or_a_source() -> None:
+    assert claims.unfounded_in_prose("README.md", ALL, QUOTES["README.md"]) == []
+
+
+def test_a_number_in_prose_without_a_claim_is_found() -> None:
+    found = claims.unfounded_in_prose("README.md", [], {})
+    assert any("README.md: 210 in" in fault for fault in found)
+
+
+def test_what_the_readme_says_of_equal_error_stands_on_the_page_of_trades() -> None:
+    said = claims.flowing((claims.ROOT / "README.md").read_text(encoding="utf-8"))
+    page = (claims.ROOT / "docs" / "tradeoffs.md").read_text(encoding="utf-8")
+    of_wu2018 = page[page.index("spacecraft (wu2018)") :]
+    needs = re.search(
+        r"At its error, periodic needs ([\d.]+) times the bytes \(\S+\) and ([\d.]+) times the", of_wu2018
+    )
+    stays = re.search(r"smallest error \(\S+\) down to \S+ bytes \(period ([\d.]+) s\)", of_wu2018)
+    assert needs is not None
+    assert stays is not None
+    assert f"holds its error up to {stays[1]} s, so" in said
+    assert f"needs only {float(needs[1]):.1f} times the bytes - and {float(needs[2]):.0f} times the energy" in said
 
 
 def test_a_wrong_number_is_found() -> None:
@@ -46,3 +74,17 @@ def test_a_number_without_a_claim_is_found() -> None:
 )
 def test_a_value_rounds_to_what_is_printed(value: float, printed: str, holds: bool) -> None:
     assert claims.rounds_to(value, printed) == holds
+
+
+def test_what_is_said_of_all_dispersed_starts_is_so() -> None:
+    """shi2022: of a spread without any width, the mean is what each of them gave."""
+    scenario = load("shi2022")
+    figure = scenario.published["min_interval_s"]
+    assert "all dispersed starts have a longer one" in figure.reason
+    sweep = stored_sweep(scenario)
+    assert sweep is not None
+    spread = sweep.figures["min_interval_s"].spread
+    assert spread is not None
+    assert spread.runs == sweep.runs
+    assert spread.sd < 1e-9
+    assert spread.mean > figure.value

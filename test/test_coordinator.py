@@ -94,7 +94,9 @@ def test_who_has_not_appeared_is_named(monkeypatch: pytest.MonkeyPatch, capsys: 
     one.coordinator.idle(patient=False)
     one.clock.now += 0.2
     one.coordinator.idle(patient=True)
-    assert f"{COORDINATOR}: still waiting for {', '.join(missing)}" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert not said.out
+    assert f"{COORDINATOR}: in ROS domain 0, still waiting for {', '.join(missing)}" in said.err
     one.coordinator.idle(patient=False)  # it has just been said
     one.clock.now += one.plan.quiet_s + 0.1
     with pytest.raises(RunError, match=f"^node {', '.join(missing)}: has not appeared within 20 s"):
@@ -126,6 +128,19 @@ def test_who_owes_an_answer_is_named(name: str, named: str, monkeypatch: pytest.
     one.clock.now += 1.0
     with pytest.raises(RunError, match=rf"^node {named}: has gone quiet at simulated time .* no answer for 20 s"):
         one.coordinator.idle(patient=True)
+
+
+@pytest.mark.parametrize(("reliability", "hinted"), [("best_effort", True), ("reliable", False)])
+def test_a_message_that_dds_may_have_lost_is_named(
+    reliability: str, hinted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind the last message of all comes none whose number would show the gap: who waits for it waits in vain."""
+    one = silent(monkeypatch, "/actuator", "duration_s=100", f"links.torque_command.reliability={reliability}")
+    one.coordinator.idle(patient=False)
+    one.clock.now += one.plan.quiet_s + 1.0
+    with pytest.raises(RunError, match="has gone quiet") as caught:
+        one.coordinator.idle(patient=False)
+    assert ("best effort: /torque_command" in str(caught.value)) == hinted
 
 
 def test_steps_are_a_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -69,6 +69,44 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
             "links.torque_command={bursts: {good_s: 2.0, bad_s: 1.0}}",
         ],
     ),
+    "wu2018 acknowledged": (
+        "wu2018",
+        None,
+        [
+            "duration_s=20",
+            "links.filtered_error={delay_ticks: 2, loss: 0.4, acknowledged: {timeout_s: 0.2, retries: 1}}",
+            "links.torque_command={loss: 0.3, acknowledged: {timeout_s: 0.05}}",
+        ],
+    ),
+    "wu2018 acknowledged on the air": (
+        "wu2018",
+        None,
+        [
+            "duration_s=20",
+            "media={air: {rate_bit_s: 1000.0, overhead: ieee-802.15.4, access: {class: 'etac_ros.media.csma:Csma'}}}",
+            "links.filtered_error={medium: air, loss: 0.3, acknowledged: {timeout_s: 0.2}}",
+            "links.torque_command={medium: air, loss: 0.3, acknowledged: {timeout_s: 0.2}}",
+        ],
+    ),
+    "qi2022 acknowledged": (
+        "qi2022",
+        None,
+        ["duration_s=0.5", "links.relative={delay_ticks: 1, loss: 0.2, acknowledged: {timeout_s: 0.1}}"],
+    ),
+    "xie2021 acknowledged on the air": (
+        "xie2021",
+        None,
+        [
+            "duration_s=0.2",
+            "media={air: {rate_bit_s: 100000.0, overhead: ieee-802.15.4, queue: {full: replace}}}",
+            "links.state={medium: air, loss: 0.3, acknowledged: {timeout_s: 0.01, by: all}}",
+        ],
+    ),
+    "wu2018 time to live": (
+        "wu2018",
+        None,
+        ["duration_s=20", "links.torque_command={loss: 0.4, delay_ticks: 1}", "actuator.time_to_live_s=0.5"],
+    ),
     "xie2021 outage": ("xie2021", "held", ["duration_s=0.2", "links.sc1_state.outages={sc2/sensor: [0.01, 0.1]}"]),
 }
 
@@ -87,6 +125,11 @@ SHORT = {
     "qi2022": ("qi2022", None, ["duration_s=0.2"]),
     "qi2022 site-sm": ("qi2022", "site-sm", ["duration_s=0.2"]),
     "wu2018": ("wu2018", None, ["duration_s=6"]),
+    "wu2018 acknowledged": (
+        "wu2018",
+        None,
+        ["duration_s=6", "links.filtered_error={loss: 0.4, acknowledged: {timeout_s: 0.1, retries: 1}}"],
+    ),
     "shi2022": ("shi2022", None, ["duration_s=0.3"]),
 }
 
@@ -117,6 +160,11 @@ TOYS: Mapping[str, dict[str, Any]] = {
         "a_says": {"bursts": {"good_s": 0.1, "bad_s": 0.1}},
     },
     "lost for one of two": {"a": {"at": [0, 1, 2]}, "b": {"echo": True}, "a_says": {"loss": 0.5}},
+    "acknowledged": {
+        "a": {"at": [0, 1]},
+        "b": {"echo": True},
+        "a_says": {"loss": 0.5, "acknowledged": {"timeout_s": 0.1, "by": "all"}},
+    },
     "above a bound that grows": {"a": {"above": 0.5}, "b": {"at": [1]}},
 }
 

@@ -14,7 +14,8 @@ from etac_ros.errors import ScenarioError
 from etac_ros.metrics.verdict import Verdict
 from etac_ros.reproduce.headline import headline
 from etac_ros.reproduce.rows import Baselines, Row, rows_of
-from etac_ros.scenario.load import find, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import find
 from etac_ros.scenario.schema import FigureKind
 
 WORTH = {Verdict.REPRODUCED: 3, Verdict.KEPT: 3, Verdict.NEAR: 2}

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from etac_ros.cli.main import app
 from etac_ros.cli.papers import markdown
 from etac_ros.reproduce.papers import Item, PaperItems, paper_items
-from etac_ros.scenario.load import available, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import available
 
 PAGE = Path(__file__).parents[1] / "docs" / "papers.md"
 COMMANDS = sorted({one for paper in paper_items().values() for item in paper.items for one in item.commands})

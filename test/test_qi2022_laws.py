@@ -120,6 +120,21 @@ def test_held_error_feedback_and_continuous_feed_forward_make_the_same_law(
 
 @given(state=clear_states, torque_pm=torques_pm, tick=ticks)
 @patient
+def test_sm_law_with_panels_leaves_error_feedback_alone(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
+    """The whole of eq. (13) in eqs. (4), (6): ``J_s omega_sp_dot = -K_ps q - K_ds omega``, as eq. (16) has it."""
+    parameters = plant_parameters(**HARD, coupling_scale=0.6)
+    measured = made(MEASUREMENT, "panels", _PM_KNOWS).evaluate(*_rows(state, torque_pm), np.array([tick]))
+    law = made(SM_LAW, "panels", {**_SM_KNOWS, "coupling_scale": 0.6})
+    torque = law.torque(measured, np.array([tick]))[0]
+    _, rate_sp, _ = _motion(Inertial(parameters), tick, state, torque_pm, torque)
+    attitude_gain, rate_gain = _gains(SM_LAW)
+    wanted = -attitude_gain * _short(state[7:11]) - rate_gain * state[11:14]
+    assert np.allclose(square(parameters.inertia_sm_kg_m2) @ rate_sp, wanted, rtol=0.0, atol=1e-9)
+    assert np.array_equal(law.watched(measured, np.array([tick]))[0, :3], torque)
+
+
+@given(state=clear_states, torque_pm=torques_pm, tick=ticks)
+@patient
 def test_sliding_mode_foresees_the_panels(state: FloatArray, torque_pm: FloatArray, tick: int) -> None:
     """Eq. (19) in eqs. (4), (6): ``J_s omega_sp_dot = tau_s - Delta_s``; ``eta_ddot`` is cancelled."""
     parameters = plant_parameters(**HARD, coupling_scale=0.6)

@@ -102,3 +102,14 @@ def test_reading_a_bag(folder: Path) -> None:
 def test_files_that_the_readme_links_to_exist() -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda page: page.name
+)
+def test_examples_mean_the_same_in_zsh(page: Path) -> None:
+    # It takes bare brackets, stars and question marks for patterns, and refuses those that match nothing.
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if line.startswith("$ "):
+            bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", line.partition("  #")[0])
+            assert not re.search(r"[\[\]*?{}~]", bare), line

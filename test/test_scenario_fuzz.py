@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.document import read_sections, write_sections
-from etac_ros.scenario.load import available, baseline_of, find, load
+from etac_ros.scenario.load import baseline_of, load
+from etac_ros.scenario.places import available, find
 
 SCALE = int(os.environ.get("ETAC_FUZZ", "1"))
 FILES = {name: find(name).read_text(encoding="utf-8") for name in available()}

@@ -23,7 +23,8 @@ from etac_ros.scenario.document import (
     with_variant,
     write_sections,
 )
-from etac_ros.scenario.load import config_folders, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import config_folders
 
 Small = Callable[..., Path]
 REFUSED = {

@@ -13,7 +13,8 @@ from conftest import SmallScenario
 
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.document import EVERYWHERE, read_sections
-from etac_ros.scenario.load import available, find, load, load_files
+from etac_ros.scenario.load import load, load_files
+from etac_ros.scenario.places import available, find
 
 # The parser sits in the library that ROS nodes start with, so a process with nodes in it is asked. It prints what
 # rcl gives each of them.

@@ -18,7 +18,8 @@ from etac_ros.metrics.summary import Triggers
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import Run, run_in_process
 from etac_ros.scenario.document import read_sections
-from etac_ros.scenario.load import find, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import find
 
 J = np.array([[30.0, 0.5, -0.3], [0.5, 20.0, 0.2], [-0.3, 0.2, 10.0]])
 Q0 = np.array([0.1, 0.2, -0.2, -np.sqrt(0.91)])  # vector, then scalar, as in the paper

@@ -10,7 +10,8 @@ from etac_ros.metrics.stored import Stored, StoredSweep, stored
 from etac_ros.reproduce.bands import COMMAND, make, why_stale
 from etac_ros.reproduce.dispersion import SIZE_RAD, common_dispersions
 from etac_ros.reproduce.variants import published_variants, title_of
-from etac_ros.scenario.load import Scenario, available, load
+from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.places import available
 
 
 def all_stored() -> Stored:

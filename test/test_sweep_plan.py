@@ -6,7 +6,8 @@ import pytest
 from conftest import SmallScenario
 
 from etac_ros.errors import ScenarioError
-from etac_ros.scenario.load import config_folders, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import config_folders
 from etac_ros.scenario.values import value_at
 from etac_ros.sweep.draws import check_target, dispersed
 from etac_ros.sweep.plan import make_plan

@@ -202,9 +202,9 @@ def test_ctrl_c_leaves_a_usable_part_and_no_process(small: SmallScenario, tmp_pa
     others = wait_for_rows(process, output.with_name(output.name + SUFFIX))
     assert len(others) >= 2
     os.killpg(process.pid, signal.SIGINT)
-    out, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
-    assert "the same command goes on" in out
+    assert "the same command goes on" in errors
     assert "Traceback" not in errors
     assert psutil.wait_procs(others, timeout=30)[1] == []
     part = read_result(output)

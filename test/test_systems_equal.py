@@ -60,6 +60,19 @@ CASES: list[tuple[str, str, list[str]]] = [
     ("qi2022", "radio", ["duration_s=2"]),
     ("xie2021", "bad-radio", ["duration_s=3"]),
     ("flexible", "bad-radio", ["duration_s=60"]),
+    # Acknowledged, with and without a medium.
+    ("qi2022", "case1", ["duration_s=2", "links.relative={delay_ticks: 1, loss: 0.2, acknowledged: {timeout_s: 0.1}}"]),
+    (
+        "wu2018",
+        "bad-radio",
+        [
+            "duration_s=200",
+            "links.filtered_error.acknowledged={timeout_s: 0.05}",
+            "links.torque_command.acknowledged={timeout_s: 0.05}",
+        ],
+    ),
+    # A hold that expires.
+    ("shi2022", "fitted", ["duration_s=5", "links.torque_command.loss=0.3", "actuator.time_to_live_s=0.05"]),
     # Overtaken, twice, and in bursts.
     (
         "flexible",
@@ -89,3 +102,4 @@ def test_same_bits(scenario: str, variant: str, overrides: list[str], tmp_path: 
     assert over_ros.summary.measured == by_calls.summary.measured
     assert over_ros.summary.links == by_calls.summary.links
     assert over_ros.summary.media == by_calls.summary.media
+    assert over_ros.summary.holds == by_calls.summary.holds

@@ -54,7 +54,7 @@ def test_what_can_be_spared_is_left_out_first_and_named() -> None:
     table = Table("", ("name", "a" * 20, "b" * 20), (Row(("row", "1", "2")),), spare=frozenset({"a" * 20}))
     lines = printed(table, 40)
     assert sum(line.startswith("row") for line in lines) == 1
-    assert lines[-1].startswith(f"left out, for want of room: {'a' * 20}"[:30])
+    assert f"left out, for want of room: {'a' * 20}" in " ".join(line.strip() for line in lines)
 
 
 @given(tables())

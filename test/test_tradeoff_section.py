@@ -8,7 +8,8 @@ import pytest
 from conftest import SmallScenario
 
 from etac_ros.errors import ScenarioError
-from etac_ros.scenario.load import available, load
+from etac_ros.scenario.load import load
+from etac_ros.scenario.places import available
 from etac_ros.tradeoff.layout import PERIODIC, lay_out
 
 ALPHA = "sensor.trigger.alpha: [0.2, 0.6]"

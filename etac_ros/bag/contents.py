@@ -122,17 +122,17 @@ class Contents:
         # them. They are needed from there only if there are no chunks: then there is no message to spoil.
         self._keep_to_one_form(record)
         vouched = record.in_chunk or not self._chunked
+        if record.opcode == Opcode.MESSAGE:  # nearly all records are messages
+            channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
+            cdr = record.content[_MESSAGE.size :]
+            values = (self.topics[channel_id], log_time, publish_time, sequence, cdr)
+            if self._wall is None:
+                return RawMessage(*values)
+            message = RealTimeMessage(*values)
+            message.wall = self._wall
+            return message
         stream = ReadDataStream(BytesIO(record.content))
         match record.opcode:
-            case Opcode.MESSAGE:
-                channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(record.content)
-                cdr = record.content[_MESSAGE.size :]
-                values = (self.topics[channel_id], log_time, publish_time, sequence, cdr)
-                if self._wall is None:
-                    return RawMessage(*values)
-                message = RealTimeMessage(*values)
-                message.wall = self._wall
-                return message
             case Opcode.SCHEMA if vouched:
                 schema = Schema.read(stream)
                 self._types[schema.id] = schema.name

@@ -25,9 +25,21 @@ OFFERED_QOS: list[dict[str, Any]] = [
         "avoid_ros_namespace_conventions": False,
     }
 ]
-"""What all publishers of etac_ros offer, in the form of rosbag2 version 9."""
+"""What publishers of etac_ros offer, in the form of rosbag2 version 9."""
 
-OFFERED_QOS_YAML = yaml.safe_dump(OFFERED_QOS, sort_keys=False).strip()
+LATCHED_QOS: list[dict[str, Any]] = [{**OFFERED_QOS[0], "durability": "transient_local"}]
+"""Of topics that say something once, as ``/tf_static``."""
+
+
+def offered_qos(reliability: str, latched: bool) -> list[dict[str, Any]]:
+    """What the publisher of a topic offers."""
+    return [{**profile, "reliability": reliability} for profile in (LATCHED_QOS if latched else OFFERED_QOS)]
+
+
+@cache
+def offered_qos_yaml(reliability: str, latched: bool) -> str:
+    """The same as the metadata of an MCAP channel has it."""
+    return yaml.safe_dump(offered_qos(reliability, latched), sort_keys=False).strip()
 
 
 @cache

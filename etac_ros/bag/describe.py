@@ -8,7 +8,8 @@ from pathlib import Path
 
 from etac_ros.bag.clock import NANOSECONDS
 from etac_ros.bag.codec import decode
-from etac_ros.bag.read import read_bag
+from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, from_json
+from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.topics import TopicDescription, TopicKind
 from etac_ros.errors import BagError
 from etac_ros.graph.wire import bytes_a_component
@@ -26,6 +27,8 @@ class TopicRow:
         Serialized messages.
     first_s, last_s
         Simulated time of the first and of the last message [s]; None without messages.
+    receivers
+        Of a link; None for any other topic, and where the bag does not say it.
     """
 
     topic: str
@@ -36,6 +39,7 @@ class TopicRow:
     cdr_bytes: int
     first_s: float | None
     last_s: float | None
+    receivers: int | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,7 @@ def describe(directory: Path) -> BagDescription:
                 where = f"{bag.path}: {message.topic.name}"
                 raise BagError(where, f"message {message.sequence}: {error}") from None
             payload[message.topic] += bytes_a_component(message.topic.type_name) * size
+    receivers = _receivers(bag)
     rows = tuple(
         TopicRow(
             topic.name,
@@ -102,6 +107,7 @@ def describe(directory: Path) -> BagDescription:
             count.cdr_bytes,
             None if count.first_ns is None else count.first_ns / NANOSECONDS,
             None if count.last_ns is None else count.last_ns / NANOSECONDS,
+            receivers.get(topic.link or ""),
         )
         for topic, count in bag.topics.items()
     )
@@ -118,6 +124,15 @@ def describe(directory: Path) -> BagDescription:
         {name: len(data) for name, data in bag.attachments.items()},
         bag.path.stat().st_size,
     )
+
+
+def _receivers(bag: Bag) -> dict[str, int]:
+    """How many receivers each link has, as far as the bag says so."""
+    try:
+        description = from_json(bag.attachments[DESCRIPTION_ATTACHMENT])
+    except (KeyError, ValueError):
+        return {}
+    return {name: len(link.receivers) for name, link in description.links.items()}
 
 
 def _total(rows: tuple[TopicRow, ...], *kinds: TopicKind) -> Total:

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from etac_ros.graph.channel import Bursts, Channel, Jitter
-from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.graph import Acknowledgement, AfterLast, Graph, Link, LinkKind
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import WireFormat
+from etac_ros.media.frame import Line
 from etac_ros.media.medium import Full, MediumPlan
 from etac_ros.plants.plant import Plant, has_attitude, modes_slice_of
 
@@ -69,7 +71,20 @@ class NodeDescription(_Model):
     triggers: str = Field(default="", description="output port whose messages are triggering instants")
     senses: bool = False
     external: bool = False
+    hold_ticks: Annotated[int, Field(ge=1)] | None = Field(default=None, description="how long it holds at most")
     plant: PlantDescription | None = None
+
+
+class AcknowledgementDescription(_Model):
+    """How the messages of a link were acknowledged."""
+
+    timeout_ns: Annotated[int, Field(ge=0)]
+    retries: Annotated[int, Field(ge=0)]
+    by: dict[str, str] = Field(description="receivers that acknowledge, and the line over which each does")
+    any_suffices: bool
+    frame_bytes: _Index
+    after_last: AfterLast
+    told: bool = Field(description="whether the sender's trigger rule compared with what was acknowledged")
 
 
 class LinkDescription(_Model):
@@ -90,6 +105,7 @@ class LinkDescription(_Model):
     jitter: Jitter | None = None
     bursts: Bursts | None = None
     duplication: Annotated[float, Field(ge=0.0, le=1.0)] | None = Field(default=None, description="null for none")
+    acknowledged: AcknowledgementDescription | None = None
 
 
 class LineDescription(_Model):
@@ -99,6 +115,7 @@ class LineDescription(_Model):
     payload_bytes: _Index
     frame_bytes: _Index = Field(description="payload and overhead")
     duration_ns: Annotated[int, Field(ge=1)]
+    answers: bool | None = Field(default=None, description="true of acknowledgements, else null")
 
 
 class MediumDescription(_Model):
@@ -183,6 +200,7 @@ def _node(graph: Graph, name: str, module: Module) -> NodeDescription:
         triggers=module.triggers,
         senses=module.senses,
         external=name in graph.external,
+        hold_ticks=module.hold_ticks,
         plant=None if plant is None else _plant(plant),
     )
 
@@ -220,7 +238,12 @@ def _link(link: Link) -> LinkDescription:
         jitter=channel.jitter,
         bursts=channel.bursts,
         duplication=channel.duplication or None,
+        acknowledged=None if link.acknowledged is None else _acknowledgement(link.acknowledged),
     )
+
+
+def _acknowledgement(found: Acknowledgement) -> AcknowledgementDescription:
+    return AcknowledgementDescription(**{**asdict(found), "by": dict(found.by)})
 
 
 def _medium(plan: MediumPlan) -> MediumDescription:
@@ -230,8 +253,12 @@ def _medium(plan: MediumPlan) -> MediumDescription:
         queue_length=plan.queue_length,
         queue_full=plan.queue_full,
         powers_w=plan.powers_w,
-        lines={name: LineDescription(**line._asdict()) for name, line in plan.lines.items()},
+        lines={name: _line(line) for name, line in plan.lines.items()},
     )
+
+
+def _line(line: Line) -> LineDescription:
+    return LineDescription(**{**line._asdict(), "answers": line.answers or None})
 
 
 def _faults(found: RunDescription) -> list[str]:
@@ -252,6 +279,8 @@ def _faults(found: RunDescription) -> list[str]:
                 faults.append(f"links.{name}: {end}:{port} is none of the {ports} of a node, of size {link.size}")
         if link.medium is not None and name not in _lines(found, link.medium):
             faults.append(f"links.{name}.medium: '{link.medium}' does not carry it")
+        if link.acknowledged is not None and not link.acknowledged.by.keys() <= link.receivers.keys():
+            faults.append(f"links.{name}.acknowledged.by: {sorted(link.acknowledged.by)} do not all receive it")
     for name, columns in found.derived.items():
         if name not in found.nodes:
             faults.append(f"derived: there is no node '{name}'")

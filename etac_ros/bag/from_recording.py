@@ -11,6 +11,7 @@ import numpy as np
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.run_bag import RunBag
+from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import link_topic, truth_topic
 from etac_ros.graph import topics
 from etac_ros.graph.air import to_rows
@@ -30,6 +31,7 @@ def write_recording(
     metadata: Mapping[str, str],
     attachments: Mapping[str, bytes],
     derive_with: Graph | None = None,
+    state: StateStreams | None = None,
 ) -> None:
     """Write all messages and all truth of a run, in the order in which things happened.
 
@@ -41,7 +43,7 @@ def write_recording(
         The graph that ran.
     recording
         What it left behind.
-    metadata, attachments, derive_with
+    metadata, attachments, derive_with, state
         As for :class:`~etac_ros.bag.run_bag.RunBag`.
 
     Raises
@@ -53,7 +55,7 @@ def write_recording(
     entries = sorted(
         _messages(graph, recording) + _truth(graph, recording) + _air(graph, recording), key=lambda entry: entry[0]
     )
-    with RunBag(directory, graph, attachments, metadata, derive_with=derive_with) as writer:
+    with RunBag(directory, graph, attachments, metadata, derive_with=derive_with, state=state) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
             published = tick_time_ns(tick, rate)
             writer.placed_until(published)  # they are sorted

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from etac_ros.bag.definitions import OFFERED_QOS, type_hash
+from etac_ros.bag.definitions import offered_qos, type_hash
 from etac_ros.bag.topics import TopicDescription
 from etac_ros.errors import BagError
 
@@ -17,7 +17,8 @@ FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
 _MOST_BYTES = 4 * 1024 * 1024
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""That of libyaml, where it is there: it takes a tenth of the time, and has a limit of depth."""
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""Those of libyaml, where they are there: they take a tenth of the time, and the loader has a limit of depth."""
 
 
 def bag_information(
@@ -55,7 +56,7 @@ def bag_information(
                     "name": topic.name,
                     "type": topic.type_name,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": OFFERED_QOS,
+                    "offered_qos_profiles": offered_qos(topic.reliability.value, topic.latched),
                     "type_description_hash": type_hash(topic.type_name),
                 },
                 "message_count": count,
@@ -83,6 +84,36 @@ def write_metadata(directory: Path, information: Mapping[str, Any]) -> None:
     os.replace(temporary, directory / FILE_NAME)
 
 
+def add_custom_data(directory: Path, more: Mapping[str, str]) -> None:
+    """Add to the ``custom_data`` of a bag what is known only after it was closed.
+
+    Raises
+    ------
+    BagError
+        If its metadata are missing, cannot be understood, or cannot be written.
+    """
+    information = _information(directory)
+    information["custom_data"] = {**(information.get("custom_data") or {}), **more}
+    try:
+        write_metadata(directory, information)
+    except OSError as error:
+        raise BagError(str(directory / FILE_NAME), f"cannot be written: {error.strerror}") from None
+
+
+def read_custom_data(directory: Path) -> dict[str, str]:
+    """The ``custom_data`` of a bag.
+
+    Raises
+    ------
+    BagError
+        If its metadata are missing or cannot be understood.
+    """
+    found = _information(directory).get("custom_data") or {}
+    if not isinstance(found, dict):
+        raise BagError(str(directory / FILE_NAME), "is damaged", "the metadata of a rosbag2 bag")
+    return {str(key): str(value) for key, value in found.items()}
+
+
 def read_counts(directory: Path) -> dict[str, int]:
     """Count the messages of each topic as ``metadata.yaml`` does.
 
@@ -91,6 +122,22 @@ def read_counts(directory: Path) -> dict[str, int]:
     BagError
         If it is missing or cannot be understood.
     """
+    try:
+        topics = _information(directory)["topics_with_message_count"]
+        return {str(topic["topic_metadata"]["name"]): int(topic["message_count"]) for topic in topics}
+    except _NOT_UNDERSTOOD:
+        raise _damaged(directory) from None
+
+
+_NOT_UNDERSTOOD = (LookupError, TypeError, ValueError, OverflowError, AttributeError)
+
+
+def _damaged(directory: Path) -> BagError:
+    remedy = f"etac recover {directory}"
+    return BagError(str(directory / FILE_NAME), "is damaged", "the metadata of a rosbag2 bag", remedy)
+
+
+def _information(directory: Path) -> dict[str, Any]:
     path = directory / FILE_NAME
     remedy = f"etac recover {directory}"
     try:
@@ -100,17 +147,19 @@ def read_counts(directory: Path) -> dict[str, int]:
             text = file.read(_MOST_BYTES + 1)
         if len(text) > _MOST_BYTES:
             raise ValueError("too long")
-        topics = yaml.load(text, Loader=_LOADER)[_ROOT]["topics_with_message_count"]
-        return {str(topic["topic_metadata"]["name"]): int(topic["message_count"]) for topic in topics}
+        information = yaml.load(text, Loader=_LOADER)[_ROOT]
+        if not isinstance(information, dict):
+            raise TypeError("no mapping")
+        return information
     except FileNotFoundError:
         found = f"there is no {FILE_NAME}: its recorder was cut off"
         raise BagError(str(directory), found, "a bag that was closed", remedy) from None
     except OSError as error:
         raise BagError(str(path), f"cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, LookupError, TypeError, ValueError, OverflowError, AttributeError, RecursionError):
-        raise BagError(str(path), "is damaged", "the metadata of a rosbag2 bag", remedy) from None
+    except (yaml.YAMLError, RecursionError, *_NOT_UNDERSTOOD):
+        raise _damaged(directory) from None
 
 
-class _WithoutAnchors(yaml.SafeDumper):
+class _WithoutAnchors(_DUMPER):  # type: ignore[misc]  # one of two classes
     def ignore_aliases(self, data: Any) -> bool:
         return True

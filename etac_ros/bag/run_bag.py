@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -9,13 +10,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from etac_ros.bag.codec import decode_truth, encode_truth
+from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, step_of, tick_of, tick_time_ns
+from etac_ros.bag.codec import decode, decode_truth, encode_truth
 from etac_ros.bag.derived import derivations
 from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, describe_run, to_json
 from etac_ros.bag.run_metadata import TICKS_PER_SECOND
+from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.graph.graph import Graph
+from etac_ros.maths.wall_clock import WallClock
 
 _MOST_HELD_BYTES = 1024 * 1024
 _HELD_FOR_S = 0.5
@@ -52,6 +56,10 @@ class RunBag:
     derive_with
         A graph of the same scenario that no engine runs. With it, what only its classes can compute of the samples
         is recorded too. None where everybody has the classes.
+    state
+        What shows the state of the bodies; None shows none.
+    wall
+        The instants of ticks in a run in real time: they are then the times of the state, too.
 
     Raises
     ------
@@ -69,6 +77,8 @@ class RunBag:
         metadata: Mapping[str, str],
         extra: Sequence[TopicDescription] = (),
         derive_with: Graph | None = None,
+        state: StateStreams | None = None,
+        wall: WallClock | None = None,
     ) -> None:
         derived = () if derive_with is None else derivations(derive_with)
         self._derived = {truth_topic(plant).name: [d for d in derived if d.plant == plant] for plant in graph.plants}
@@ -77,9 +87,19 @@ class RunBag:
         self._held: deque[_Held] = deque()
         self._held_bytes = 0
         self._placed_ns = -1
+        self._ticks_per_second = graph.ticks_per_second
+        self._state = state
+        self._wall = wall
+        self._plants = {truth_topic(plant).name: plant for plant in graph.plants}
+        self._to_plants = {
+            link.topic: link
+            for link in graph.links.values()
+            if state is not None and wall is None and state.hears(link.name)
+        }
+        shown = () if state is None else state.topics
         self._writer = BagWriter(
             directory,
-            (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived)),
+            (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived), *shown),
             {**attachments, DESCRIPTION_ATTACHMENT: to_json(description)},
             {**metadata, TICKS_PER_SECOND: str(graph.ticks_per_second)},
         )
@@ -91,6 +111,8 @@ class RunBag:
             self._held_bytes += len(cdr)
         else:
             self._writer.write(topic, cdr, log_time_ns, publish_time_ns, sequence)
+            if topic in self._to_plants:
+                self._note_input(topic, cdr, log_time_ns, publish_time_ns, sequence)
         self._release()
 
     def placed_until(self, tick_time_ns: int) -> None:
@@ -128,6 +150,27 @@ class RunBag:
                 self._writer.flush()
             self._derive(held)
             self._writer.write(*held[:5])
+            if self._state is not None:
+                self._state.take_truth(self._plants[held.topic], *decode_truth(held.cdr))
+        if self._state is not None and (everything or self._placed_ns >= 0):
+            self._show(self._state, everything)
+
+    def _note_input(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
+        assert self._state is not None
+        link = self._to_plants[topic]
+        tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
+        self._state.take_message(link.name, sequence, tick, step, decode(link.wire.type_name, cdr))
+
+    def _show(self, state: StateStreams, everything: bool) -> None:
+        whole = everything or self._wall is not None  # in real time no torque is shown that would have to be waited for
+        until = sys.maxsize if whole else tick_of(self._placed_ns, self._ticks_per_second)
+        for topic, cdr, tick, sequence in state.ready(until, everything):
+            if self._wall is None:
+                published = tick_time_ns(tick, self._ticks_per_second)
+                logged = log_time_ns(published, AFTER_ALL_STEPS)
+            else:
+                published = logged = self._wall.instant_ns(tick)
+            self._writer.write(topic, cdr, logged, published, sequence)
 
     def _may_go(self, held: _Held) -> bool:
         return (

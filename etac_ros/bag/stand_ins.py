@@ -23,7 +23,7 @@ from etac_ros.bag.description import (
 )
 from etac_ros.errors import RunError
 from etac_ros.graph.channel import Channel
-from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.graph import Acknowledgement, Graph, Link
 from etac_ros.graph.module import Context, Module, Window
 from etac_ros.graph.plant import PlantModule, PlantModuleParameters
 from etac_ros.graph.recording import Recording
@@ -74,6 +74,7 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             Wire(link.wire, link.size),
             _channel(name, link, run.ticks_per_second),
             link.medium or "",
+            None if link.acknowledged is None else Acknowledgement(**link.acknowledged.model_dump()),
         )
         for name, link in run.links.items()
     }
@@ -98,7 +99,10 @@ def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel
 
 
 def _medium(name: str, medium: MediumDescription) -> MediumPlan:
-    lines = {link: Line(**line.model_dump()) for link, line in medium.lines.items()}
+    lines = {
+        name: Line(line.sender, line.payload_bytes, line.frame_bytes, line.duration_ns, bool(line.answers))
+        for name, line in medium.lines.items()
+    }
     return MediumPlan(
         name,
         0,
@@ -148,6 +152,7 @@ class StandIn:
         self.passive = node.passive
         self.triggers = node.triggers
         self.senses = node.senses
+        self.hold_ticks = node.hold_ticks
         self.watches = rows.watches
 
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
-from etac_ros.bag.definitions import OFFERED_QOS_YAML, schema_text, type_hash
+from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
 from etac_ros.bag.lock import give_back, take
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
 from etac_ros.bag.reserve import claim, is_reserved
@@ -201,7 +201,7 @@ class BagWriter:
         channels = {}
         for topic in self._topics:
             keys = {
-                "offered_qos_profiles": OFFERED_QOS_YAML,
+                "offered_qos_profiles": offered_qos_yaml(topic.reliability.value, topic.latched),
                 "topic_type_hash": definitions[topic.type_name][1],
                 **to_channel_metadata(topic),
             }

@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from etac_ros import __version__
-from etac_ros.cli.streams import hold_standard_streams
+from etac_ros.cli import complete
+from etac_ros.cli.interrupts import NOTHING_KEPT, Interrupted
+from etac_ros.cli.streams import hold_standard_streams, outlive_readers
 from etac_ros.engines.ros.limits import refused_by_system
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, ScenarioError
 
+
+class _Ended(Exception):
+    """The user has interrupted a command; says what is kept."""
+
+
+class _Commands(TyperGroup):
+    """Commands whose interrupts are told: typer would end the process without a word."""
+
+    def invoke(self, context: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt as interrupt:
+            kept = interrupt.kept if isinstance(interrupt, Interrupted) else NOTHING_KEPT
+            raise _Ended(f"interrupted: {kept}") from None
+
+
 app = typer.Typer(
     name="etac",
+    cls=_Commands,
     help="Event-triggered attitude control as a graph of networked modules over ROS 2.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -43,12 +62,11 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False, priority: int = 0) -> float | None:
-    """Simulated seconds a second; None in simulated time."""
+def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, priority: int = 0) -> float | None:
+    """Simulated seconds a second of a run in real time; None in simulated time."""
     if clock is ClockKind.wall:
-        return rate
-    given = {"--strict": strict, f"--priority {priority}": priority != 0, f"--rate {rate:g}": rate != 1.0}
-    for option, is_given in given.items():
+        return 1.0 if rate is None else rate
+    for option, is_given in {"--strict": strict, f"--priority {priority}": priority != 0}.items():
         if is_given:
             raise ScenarioError(option, "is for --clock wall", "", "add --clock wall")
     return None
@@ -62,14 +80,34 @@ class Spread(StrEnum):
     one = "one"
 
 
+class Format(StrEnum):
+    """What tables are written as."""
+
+    parquet = "parquet"
+    csv = "csv"
+    mat = "mat"
+    npz = "npz"
+
+
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
-Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(help="Simulated seconds a second: of real time (default: 1), or at most, to watch simulated time."),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
 Priority = Annotated[
     int, typer.Option(help="For --clock wall: real-time priority (SCHED_FIFO) of the processes, 1 to 99.")
 ]
-ScenarioName = Annotated[str, typer.Argument(help="Name of a file in config/, or a path to one.")]
-Variant = Annotated[str | None, typer.Option(help="A named block of overrides in the file.")]
+ScenarioName = Annotated[
+    str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        help="A named set of changes in the file; `etac list NAME` says which.", autocompletion=complete.variants
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no tables and no progress; errors are still said.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
 QuietS = Annotated[
     float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
@@ -77,7 +115,19 @@ QuietS = Annotated[
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
-@app.command()
+class CommandWithCapture(TyperCommand):
+    """A command whose option ``--capture`` may have a value, or none: typer has no such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The word behind ``--capture`` is its value where it is the name of a pcapng file."""
+        given = list(args)
+        for place, word in enumerate(args):
+            if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
+                given[place] = "--capture="
+        return super().parse_args(ctx, given)
+
+
+@app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -96,20 +146,31 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    state_rate: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
+    ] = None,
     quiet_s: QuietS = QUIET_S,
+    capture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.pcapng]", help="Count every byte on the wire, by topic, cause and layer; keep the frames."
+        ),
+    ] = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
-    from etac_ros.cli.run import STANDARD_OUTPUT, RunRequest, run_and_show
-    from etac_ros.cli.show import make_console
+    from etac_ros.cli.outputs import console_beside
+    from etac_ros.cli.run import RunRequest, run_and_show
 
     request = RunRequest(
         scenario,
         variant,
-        tuple(set_ or ()),
+        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
         engine.value,
         processes.value,
         baseline,
@@ -121,11 +182,11 @@ def run(
         quiet_s,
         rate_of_clock(clock, rate, strict, priority),
         strict,
-        priority,
+        capture,
+        pace=rate if clock is ClockKind.sim else None,
+        priority=priority,
     )
-    console = make_console()
-    console.stderr = str(json) == STANDARD_OUTPUT  # what is for people is then out of the way
-    run_and_show(request, console)
+    run_and_show(request, console_beside(json, quiet))
 
 
 @app.command()
@@ -136,7 +197,7 @@ def compare(
     ] = None,
     set_: Set = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     priority: Priority = 0,
     processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
     bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
@@ -155,6 +216,8 @@ def compare(
         options = RosOptions(processes.value, rate=speed, priority=priority)
         compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
         return
+    if rate is not None:
+        raise ScenarioError(f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 
@@ -179,10 +242,13 @@ def sweep(
     replay: Annotated[int | None, typer.Option(metavar="SAMPLE", help="Run one sample of the sweep alone.")] = None,
     engine: Annotated[Engine, typer.Option(help="For --replay.")] = Engine.inprocess,
     bag: Annotated[Path | None, typer.Option(help="For --replay: directory of a bag.")] = None,
-    json: Annotated[Path | None, typer.Option(help="For --replay: write the summary to a file.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(help="For --replay: write the summary to a file; - is standard output.")
+    ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario many times over starts, noise and a grid of values; the same command goes on after a break."""
-    from etac_ros.cli.show import make_console
+    from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.sweep import SweepRequest, sweep_and_show
 
     request = SweepRequest(
@@ -200,8 +266,7 @@ def sweep(
         bag=bag,
         json=json,
     )
-    if not sweep_and_show(request, make_console()):
-        raise typer.Exit(INTERRUPTED)
+    sweep_and_show(request, console_beside(json, quiet))
 
 
 @app.command()
@@ -209,22 +274,27 @@ def reproduce(
     scenarios: Annotated[list[str] | None, typer.Argument(help="Which; default: all.")] = None,
     engine: Annotated[Engine, typer.Option(help="For the measured figures.")] = Engine.ros,
     write: Annotated[Path | None, typer.Option(help="Write the table as Markdown.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the rows to a file.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the rows to a file; - is standard output.")] = None,
+    afresh: Annotated[
+        bool, typer.Option("--afresh", help="Measure anew what an interrupted call has left, too.")
+    ] = False,
     bands: Annotated[
         bool, typer.Option("--bands", help="Make the stored sweeps that are stale anew, and nothing else.")
     ] = False,
     runs: Annotated[int, typer.Option(min=2, help="For --bands: dispersed runs of each variant, at least.")] = 12,
     workers: Annotated[int | None, typer.Option(min=1, help="For --bands: processes; default: one a core.")] = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Put every figure that the papers publish beside a measured one, its spread, and a verdict."""
+    """Put every figure of the papers beside a measured one, with a verdict; the same command goes on after a break."""
+    from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.reproduce import make_bands
     from etac_ros.cli.reproduce import reproduce as reproduce_
-    from etac_ros.cli.show import make_console
 
+    console = console_beside(json, quiet)
     if bands:
-        make_bands(scenarios or (), runs, workers, make_console())
+        make_bands(scenarios or (), runs, workers, console)
     else:
-        reproduce_(scenarios or (), engine.value, make_console(), write, json)
+        reproduce_(scenarios or (), engine.value, console, write, json, afresh)
 
 
 @app.command()
@@ -272,14 +342,17 @@ def robustness(
     factor: Annotated[
         float, typer.Option(min=1.0, help="A run holds up to so many times the steady error of ideal links.")
     ] = 3.0,
+    spacecraft: Annotated[
+        str, typer.Option(help="Sizes of a formation on its radio, with commas; empty for none.")
+    ] = "4,8,12,16,24,32",
     set_: Set = None,
-    write: Annotated[Path | None, typer.Option(help="Write the maps as Markdown.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all as Markdown, with pictures beside it.")] = None,
 ) -> None:
-    """Map loss and delay on the network to messages and steady error: which loops hold, and how far."""
+    """Map loss and delay to messages and steady error; cost of retransmission; how many spacecraft share a medium."""
     from etac_ros.cli.robustness import robustness_and_show
     from etac_ros.cli.show import make_console
 
-    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), make_console(), write)
+    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), spacecraft, make_console(), write)
 
 
 @app.command()
@@ -319,22 +392,44 @@ def contract(
 ) -> None:
     """Print what a foreign node has to subscribe to and publish in the place of a node."""
     from etac_ros.cli.contract import show_contract
-    from etac_ros.cli.show import make_console
     from etac_ros.scenario.load import load
+    from etac_ros.tables.terminal import make_console
 
     show_contract(load(scenario, variant, set_ or ()), node, make_console())
 
 
-@app.command("list")
-def list_() -> None:
-    """List the scenarios and their variants."""
-    from etac_ros.scenario.load import config_folders, load
+@app.command()
+def layout(
+    scenario: ScenarioName,
+    variant: Variant = None,
+    set_: Set = None,
+    output: Annotated[Path, typer.Option(help="Folder for the files; made if it is not there.")] = Path("."),
+) -> None:
+    """Write layouts for Foxglove and PlotJuggler that fit the bags of a scenario; share/ has those of our own."""
+    from etac_ros.runs import layouts_of
+    from etac_ros.scenario.load import load
 
-    for path in sorted({path for folder in config_folders() for path in folder.glob("*.yaml")}):
-        found = load(str(path))
-        typer.echo(f"{found.name:12} {found.run.title}")
-        if found.variants:
-            typer.echo(f"{'':12} variants: {', '.join(found.variants)}")
+    texts = layouts_of(load(scenario, variant, set_ or ()))
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (output / name).write_text(text, encoding="utf-8")
+        typer.echo(f"layout: {output / name}")
+
+
+@app.command("list")
+def list_(
+    scenario: Annotated[
+        str | None, typer.Argument(help="Say what each variant of this one changes.", autocompletion=complete.scenarios)
+    ] = None,
+) -> None:
+    """List the scenarios and their variants."""
+    from etac_ros.cli.listing import list_scenarios, list_variants
+    from etac_ros.tables.terminal import make_console
+
+    if scenario is None:
+        list_scenarios(make_console())
+    else:
+        list_variants(scenario, make_console())
 
 
 @app.command()
@@ -344,13 +439,17 @@ def node(
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
+    if rate is not None and clock is ClockKind.sim:
+        raise ScenarioError(
+            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
+        )
     play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict, priority), strict, priority)
 
 
@@ -386,13 +485,59 @@ def report(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="The run's bag; more of them are laid over it.")],
     output: Annotated[Path | None, typer.Option(help="Folder of the report; default: report in the first bag.")] = None,
     against: Annotated[list[Path] | None, typer.Option(help="One more bag, as if it stood behind the others.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write the figures as SVG and PDF there, for papers.")
+    ] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bags name.")] = False,
 ) -> None:
     """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
+    from etac_ros.cli.interrupts import keeping
+    from etac_ros.cli.progress import steps
+    from etac_ros.cli.show import make_console
     from etac_ros.report import write_report
 
     first, *others = bags
-    typer.echo(f"report: {write_report(first, [*others, *(against or ())], output, trust=trust)}")
+    unfinished = f"{output or first / 'report'} is not complete; the same command draws it anew"
+    with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
+        page = write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures, say=say)
+    typer.echo(f"report: {page}")
+
+
+@app.command()
+def export(
+    bag: BagPath,
+    to: Annotated[Format, typer.Option(help="parquet, csv: a file a table; mat, npz: one file of arrays.")],
+    output: Annotated[Path | None, typer.Option(help="Folder of the files; default: export in the bag.")] = None,
+    table: Annotated[
+        list[str] | None, typer.Option(help="attitude, rate, torque, state, watched, triggers, messages; default: all.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a simulated second at most; default: all.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bag names.")] = False,
+) -> None:
+    """Write a bag as tables: samples, triggers and messages, for pandas, MATLAB, Octave and numpy."""
+    from etac_ros.export import open_bag, write_tables
+
+    folder = bag / "export" if output is None else output
+    for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
+        typer.echo(f"table: {path}")
+
+
+@app.command()
+def play(
+    bag: BagPath,
+    rate: Annotated[float, typer.Option(help="Seconds of the bag a second; inf: as fast as possible.")] = 1.0,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="A topic, or what it begins with; repeatable. Default: all but /emulation.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Publish /emulation too.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin only when somebody listens.")] = False,
+) -> None:
+    """Publish a bag as ROS topics, with /clock: for rviz, Foxglove's bridge, or a node of one's own."""
+    from etac_ros.cli.play import play_bag
+    from etac_ros.cli.show import make_console
+
+    play_bag(bag, rate, domain, topic or (), everything, wait, make_console())
 
 
 def _version(wanted: bool) -> None:
@@ -418,18 +563,13 @@ def _drop_output() -> None:
 def main() -> None:
     """Entry point. Errors are for people: no traceback, and an exit code that tells bad input from a failed run."""
     hold_standard_streams()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal without these letters shows others
-            stream.reconfigure(errors="replace")
+    outlive_readers()
     try:
         app()
         sys.stdout.flush()  # while there is somebody to tell that it failed
     except EtacError as error:
         print(f"etac: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT if isinstance(error, ScenarioError) else FAILED_RUN)
-    except BrokenPipeError:  # whoever read our output has seen enough
-        _drop_output()
-        sys.exit(FAILED_RUN)
     except (MemoryError, ImportError, OSError) as error:
         refused: object = refused_by_system(error, "this process")
         if refused is None and isinstance(error, OSError):
@@ -439,6 +579,6 @@ def main() -> None:
         print(f"etac: {refused}", file=sys.stderr)
         _drop_output()
         sys.exit(FAILED_RUN)
-    except KeyboardInterrupt:
-        print("etac: interrupted; what had happened until then is in the bag", file=sys.stderr)
+    except _Ended as ended:
+        print(f"etac: {ended}", file=sys.stderr)
         sys.exit(INTERRUPTED)

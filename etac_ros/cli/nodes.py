@@ -17,7 +17,15 @@ from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import EtacError, RunError, ScenarioError
-from etac_ros.runs import RosOptions, free_bag_directory, open_bag, real_time, warm_up, windows_of
+from etac_ros.runs import (
+    RosOptions,
+    free_bag_directory,
+    open_bag,
+    real_time,
+    state_streams,
+    warm_up,
+    windows_of,
+)
 from etac_ros.scenario.load import Scenario, load_files
 
 if TYPE_CHECKING:
@@ -82,7 +90,9 @@ def play(
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = host_of(plan)(plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), wall))
+    host = host_of(plan)(
+        plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state_streams(scenario), wall)
+    )
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from etac_ros.errors import ScenarioError
+from etac_ros.cli.outputs import check_output, write_output
 from etac_ros.reproduce.papers import PaperItems, items_table, paper_items
 from etac_ros.tables.markdown import markdown_lines
 from etac_ros.tables.terminal import show
@@ -35,14 +35,12 @@ def papers(console: Console, page: Path | None = None) -> None:
     ScenarioError
         If the file cannot be written.
     """
+    check_output("--write", page)
     for name, paper in paper_items().items():
         console.print(f"\n{name}: {_tally(paper)}", style="bold", soft_wrap=True)
         show(items_table(paper), console)
     if page is not None:
-        try:
-            page.write_text(markdown(), encoding="utf-8")
-        except OSError as error:
-            raise ScenarioError(str(page), f"cannot be written ({error})") from None
+        write_output("--write", page, markdown())
 
 
 def markdown() -> str:

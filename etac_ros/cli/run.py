@@ -14,6 +14,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
+from etac_ros.cli.interrupts import keeping
+from etac_ros.cli.outputs import check_output, write_output
+from etac_ros.cli.progress import progress_console, steps
 from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
@@ -30,9 +33,6 @@ from etac_ros.runs import (
     warm_up,
 )
 from etac_ros.scenario.load import Scenario, baseline_of, load
-
-STANDARD_OUTPUT = "-"
-"""The name of the file that --json takes for it."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,9 @@ class RunRequest:
     quiet_s: float = QUIET_S
     rate: float | None = None
     strict: bool = False
+    capture: str | None = None
+    """The pcapng file to keep; empty keeps none; None captures nothing."""
+    pace: float | None = None
     priority: int = 0
 
     @property
@@ -66,6 +69,9 @@ class RunRequest:
             self.quiet_s,
             self.rate,
             self.strict,
+            self.capture is not None,
+            Path(self.capture) if self.capture else None,
+            self.pace,
             self.priority,
         )
 
@@ -75,6 +81,10 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if request.engine == "ros":
         request = _in_this_process(request)
     scenario = load(request.scenario, request.variant, request.overrides)
+    if request.capture is not None:
+        _check_capture(request)
+    if request.only is not None and request.pace is not None:
+        raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
@@ -85,8 +95,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
             return
     if request.bag is not None:
         check_writable(request.bag)
-    if request.json is not None:
-        _check_json(request.json)
+    check_output("--json", request.json)
     other = _baseline_of(scenario, console)
     for note in (*scenario.notes, *(() if other is None else other.overruled)):
         console.print(note, soft_wrap=True)
@@ -94,16 +103,17 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if bag is None and request.engine == "ros":
         bag = free_bag_directory(scenario)
     try:
-        with console.status(f"{scenario.name}: compiling kernels (seconds the first time, nothing afterwards)"):
-            warm_up(scenario)
-        baseline = None if other is None else _run_baseline(other, request, bag, console)
-        run = _run(scenario, request, bag, console)
+        with keeping(lambda: _kept(bag)):
+            with steps(console, f"{scenario.name}: compiling kernels, seconds the first time"):
+                warm_up(scenario)
+            baseline = None if other is None else _run_baseline(other, request, bag, console)
+            run = _run(scenario, request, bag, console)
     finally:
         if bag is not None:
             release(bag)
     summary = with_measured(run.summary, None if baseline is None else baseline.summary)
     if request.json is not None:  # before the tables: whoever reads those may stop reading
-        _write_json(request.json, summary.model_dump_json(indent=2) + "\n")
+        write_output("--json", request.json, summary.model_dump_json(indent=2) + "\n")
     show_summary(scenario, summary, console)
     if request.json is not None:
         console.print(f"summary: {request.json}", soft_wrap=True)
@@ -133,25 +143,20 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
         return None
 
 
-def _check_json(path: Path) -> None:
-    """Refuse what the summary could not be written to, before the run instead of after it."""
-    if str(path) == STANDARD_OUTPUT:
-        return
-    where = f"--json {path}"
-    if path.is_dir():
-        raise ScenarioError(where, "is a directory", "a file")
-    if not path.parent.is_dir():
-        raise ScenarioError(where, f"there is no folder {path.parent}")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ScenarioError(where, "may not be written to", "a file that may be written")
+def _check_capture(request: RunRequest) -> None:
+    if request.engine != "ros":
+        raise ScenarioError("--capture", "is for --engine ros: by calls nothing is on a wire")
+    if request.capture:
+        path = Path(request.capture)
+        if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
 
 
-def _write_json(path: Path, text: str) -> None:
-    if str(path) == STANDARD_OUTPUT:
-        sys.stdout.buffer.write(text.encode())  # UTF-8, as JSON is, whatever the terminal has
-        sys.stdout.buffer.flush()
-    else:
-        path.write_text(text, encoding="utf-8")
+def _kept(bag: Path | None) -> str:
+    """What an interrupt leaves of a run."""
+    if bag is None or not any(bag.glob("*.mcap")):
+        return "no bag was begun; the same command begins anew"
+    return f"what had happened until then is in {bag}, which is readable (etac info, etac report)"
 
 
 def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
@@ -162,7 +167,7 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
     try:
         if request.baseline and request.engine == "ros":
             beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-            return _run(scenario, request, beside, console)
+            return _run(scenario, replace(request, capture=None), beside, console)
         return run_in_process(scenario)
     except RunHalted as halted:
         console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
@@ -171,7 +176,7 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
 
 def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
     if request.engine == "inprocess":
-        return run_in_process(scenario, bag)
+        return run_in_process(scenario, bag, request.pace)
     assert bag is not None
     options = request.options
     columns = (
@@ -180,7 +185,8 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
         TextColumn("{task.completed:.0f}/{task.total:.0f} s simulated"),
         TextColumn("{task.fields[note]}"),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    shown = progress_console(console)
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task(scenario.name, total=scenario.run.duration_s, note="joining")
         began = time.perf_counter()
 

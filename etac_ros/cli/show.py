@@ -8,16 +8,23 @@ from pathlib import Path
 
 from rich.console import Console
 
-from etac_ros.bag.describe import describe
+from etac_ros.bag.describe import TopicRow, describe
 from etac_ros.bag.recover import recover
+from etac_ros.capture.kept import read_from_bag
+from etac_ros.capture.model import data_frames
+from etac_ros.metrics.accounts import overflows
 from etac_ros.metrics.cells import (
+    ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE_SHORT,
     WATCHED,
+    acknowledgement_account_cells,
     falls_short,
+    hold_account_cells,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -32,6 +39,7 @@ from etac_ros.metrics.cells import (
 from etac_ros.metrics.figures import FigureKey, families, stands_alone
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import Summary, Totals
+from etac_ros.metrics.wire import wire_table, with_model
 from etac_ros.plain_text import one_line
 from etac_ros.scenario.load import Scenario
 from etac_ros.tables.numbers import number, optional, type_words
@@ -76,7 +84,12 @@ def run_tables(scenario: Scenario, summary: Summary) -> list[Table]:
     tables = [_figures([key for key in shown if key not in of_families], source, summary, bool(alike))]
     if alike:
         tables.append(_by_namespace(alike, source, summary))
-    tables += [_topics(summary), *_accounts(summary), _performance(summary)]
+    tables += [
+        _topics(summary),
+        *_wire(summary),
+        *_accounts(summary, scenario.run.ticks_per_second),
+        _performance(summary),
+    ]
     tables += [_watched(summary)] if summary.watches else []
     return tables + ([] if summary.real_time is None else real_time_tables(summary.real_time))
 
@@ -148,19 +161,39 @@ def _topics(summary: Summary) -> Table:
         rows += [Row((name, topic_type(topic), *topic_cells(topic))) for name, topic in topics.items()]
         if topics:
             rows.append(Row((f"all {kind}", "", *topic_cells(totals_of(summary, kind))), strong=True, ends=True))
-    return _topic_table(rows)
+    if summary.wire is not None:
+        return _topic_table(rows)
+    modelled = {name: topic.model_wire_bytes for name, topic in summary.topics.items()}
+    for kind in KINDS:
+        of_kind = [topic.model_wire_bytes or 0 for topic in summary.topics.values() if topic.kind == kind]
+        modelled[f"all {kind}"] = sum(of_kind)
+    return with_model(_topic_table(rows), modelled)
 
 
-def _accounts(summary: Summary) -> list[Table]:
+def _wire(summary: Summary) -> list[Table]:
+    """What was captured, if anything was."""
+    if summary.wire is None:
+        return []
+    return [wire_table(summary.wire, {name: topic.kind for name, topic in summary.topics.items()})]
+
+
+def _accounts(summary: Summary, ticks_per_second: int) -> list[Table]:
     """What became of messages on links that are not ideal, and what shared media carried; nothing for ideal links."""
     tables = []
     if summary.links:
         rows = tuple(Row((name, *link_account_cells(account))) for name, account in summary.links.items())
         note = "each message counted for each receiver; age: of the newest information, mean and peak"
         tables.append(Table("", ("link", *LINK_ACCOUNT), rows, (note,)))
+        told = {name: one.acknowledgement for name, one in summary.links.items() if one.acknowledgement is not None}
+        if told:
+            rows = tuple(Row((name, *acknowledgement_account_cells(account))) for name, account in told.items())
+            tables.append(Table("", ("link", *ACKNOWLEDGEMENT_ACCOUNT), rows))
     if summary.media:
         rows = tuple(Row((name, *medium_account_cells(account))) for name, account in summary.media.items())
-        tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows))
+        tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows, overflows(summary.media, ticks_per_second)))
+    if summary.holds:
+        rows = tuple(Row((name, *hold_account_cells(account))) for name, account in summary.holds.items())
+        tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))
     return tables
 
 
@@ -200,12 +233,27 @@ def show_bag(bag: Path, console: Console) -> None:
     for key, value in described.metadata.items():
         console.print(f"  {one_line(key)}: {one_line(value)}")
     rows = []
+    modelled: dict[str, int | None] = {}
     for row in described.topics:
         payload = row.payload_bytes if row.kind in ("network", "internal") else 0
         counted = Totals(messages=row.messages, deliveries=0, payload_bytes=payload, cdr_bytes=row.cdr_bytes)
+        modelled[one_line(row.topic)] = _modelled(row)
         more = (row.kind, optional(row.first_s, "g"), optional(row.last_s, "g"))
         rows.append(Row((one_line(row.topic), type_words(one_line(row.type_name)), *topic_cells(counted), *more)))
-    show(_topic_table(rows, "kind", "first [s]", "last [s]"), console)
+    wire = read_from_bag(bag)
+    table = _topic_table(rows, "kind", "first [s]", "last [s]")
+    show(table if wire is not None else with_model(table, modelled), console)
+    if wire is not None:
+        console.print()
+        show(wire_table(wire, {row.topic: row.kind for row in described.topics}), console)
+
+
+def _modelled(row: TopicRow) -> int | None:
+    """A model of what a link's messages took on Ethernet; None of what is no link, or has messages of several sizes."""
+    if row.kind not in ("network", "internal") or row.receivers is None or not row.messages:
+        return None
+    cdr, rest = divmod(row.cdr_bytes, row.messages)
+    return None if rest else row.messages * data_frames(cdr, 0, row.receivers, others=1).total_bytes
 
 
 def show_recovery(bag: Path, output: Path | None, console: Console) -> None:

@@ -12,6 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from etac_ros.cli.interrupts import Interrupted
+from etac_ros.cli.outputs import check_output, write_output
+from etac_ros.cli.progress import lines_now_and_then, progress_console, steps
 from etac_ros.cli.show import show_summary
 from etac_ros.errors import ScenarioError
 from etac_ros.metrics.cells import BAND, printed
@@ -62,16 +65,16 @@ class SweepRequest:
     json: Path | None
 
 
-def sweep_and_show(request: SweepRequest, console: Console) -> bool:
+def sweep_and_show(request: SweepRequest, console: Console) -> None:
     """Sweep, or run one sample of a sweep again, and show what came of it.
 
-    Returns
-    -------
-    bool
-        False if it was interrupted: what is finished has been kept, and is shown.
+    Raises
+    ------
+    Interrupted
+        If it was: what is finished has been kept.
     """
     workers = _workers(request)
-    with console.status(f"{request.scenario}: preparing"):
+    with steps(console, f"{request.scenario}: preparing"):
         plan = make_plan(
             request.scenario, request.runs, request.variant, request.overrides, request.dispersions, request.dispersion
         )
@@ -79,8 +82,9 @@ def sweep_and_show(request: SweepRequest, console: Console) -> bool:
         if given and request.replay is None:
             raise ScenarioError(option, "is for --replay SAMPLE: a sweep runs in process and writes one Parquet file")
     if request.replay is not None:
+        check_output("--json", request.json)
         _replay(plan, request, console)
-        return True
+        return
     path = request.output or _usual_path(plan)
     finished = 0
     columns = (
@@ -91,24 +95,26 @@ def sweep_and_show(request: SweepRequest, console: Console) -> bool:
         TimeRemainingColumn(),
     )
     whole = True
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    shown = progress_console(console)
+    say = lines_now_and_then(console.quiet or shown.is_terminal)
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task(plan.scenario.name, total=len(plan.samples))
 
         def on_progress(done: int, planned: int) -> None:
             nonlocal finished
             finished = done
             progress.update(task, completed=done)
+            say(f"{plan.scenario.name}: {done:,} of {planned:,} runs")
 
         try:
             result = sweep_to_file(plan, path, workers, on_progress)
         except KeyboardInterrupt:
             whole = False
     if not whole:
-        console.print(f"interrupted: {finished:,} of {len(plan.samples):,} runs are finished", style="bold")
-        console.print(f"they stand in {path}; the same command goes on", soft_wrap=True)
-        return False
+        raise Interrupted(
+            f"{finished:,} of {len(plan.samples):,} runs are finished and stand in {path}; the same command goes on"
+        )
     show_result(result, console)
-    return True
 
 
 class _Speed(ProgressColumn):
@@ -147,11 +153,11 @@ def _replay(plan: Plan, request: SweepRequest, console: Console) -> None:
     for key, value in {**plan.points[point].values, **plan.draws(request.replay)}.items():
         console.print(f"  {key} = {value}", soft_wrap=True)
     shown = _replayed_over_ros(plan, request) if request.engine == "ros" else run_sample(plan, request.replay)
+    if request.json is not None:  # before the tables: whoever reads those may stop reading
+        write_output("--json", request.json, shown.summary.model_dump_json(indent=2) + "\n")
     show_summary(scenario, shown.summary, console)
     if shown.summary.halted:
         console.print(f"halted: {shown.summary.halted}", style="bold")
-    if request.json is not None:
-        request.json.write_text(shown.summary.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
 
 def _replayed_over_ros(plan: Plan, request: SweepRequest) -> Run:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from etac_ros.errors import EtacError, ScenarioError
+from etac_ros.cli.outputs import check_output, write_output
+from etac_ros.cli.progress import steps
+from etac_ros.errors import ScenarioError
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.tables.markdown import markdown_lines
@@ -48,19 +50,18 @@ def theorems(
     EtacError
         If a scenario cannot be loaded or run, or has no theorems, or the file cannot be written.
     """
+    check_output("--write", page)
     sections = []
     for one in PAPERS if name is None else (name,):
         scenario = load(one, variant, overrides)
-        found = _found(scenario)
+        with steps(console, f"{scenario.name}: one run in process"):
+            found = _found(scenario)
         title = f"{scenario.name} {scenario.variant or ''}".strip()
         table = _table(title, found)
         show(table, console)
         sections.append("\n".join([f"## {title}", "", *markdown_lines(table), ""]))
     if page is not None:
-        try:
-            page.write_text("\n".join([_HEAD, *sections]), encoding="utf-8")
-        except OSError as error:
-            raise EtacError(str(page), f"cannot be written: {error.strerror}") from None
+        write_output("--write", page, "\n".join([_HEAD, *sections]))
 
 
 def _found(scenario: Scenario) -> Theorems:

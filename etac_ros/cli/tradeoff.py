@@ -9,6 +9,7 @@ from string import ascii_lowercase
 
 from rich.console import Console
 
+from etac_ros.cli.progress import steps
 from etac_ros.errors import ScenarioError
 from etac_ros.sweep.run import usual_workers
 from etac_ros.tables.terminal import show
@@ -50,17 +51,17 @@ def tradeoff(
     """
     if folder is not None and not folder.is_dir():
         raise ScenarioError(f"--write {folder}", "there is no such folder", "a folder that exists")
-    with console.status("preparing"):
+    with steps(console, "preparing"):
         layouts = [lay_out(name, runs) for name in names or with_tradeoffs()]  # a mistake is found before anything runs
     found: list[tuple[Tradeoff, list[Shortest]]] = []
     for layout in layouts:
         name = layout.scenario.name
-        with console.status(f"{name} ...") as status:
+        with steps(console, name) as say:
             done = run_tradeoff(
                 layout,
                 usual_workers(workers),
-                lambda finished, planned, name=name, status=status: status.update(  # type: ignore[misc]
-                    f"{name}: {finished} of {planned} runs ..."
+                lambda finished, planned, name=name, say=say: say(  # type: ignore[misc]
+                    f"{name}: {finished} of {planned} runs"
                 ),
             )
             shortest = shortest_of(layout, done.points)

@@ -122,7 +122,9 @@ class Channel:
             and self.duplication == 0.0
         )
 
-    def arrivals(self, receiver: str, sequence: int, tick: int) -> tuple[int, ...]:
+    def arrivals(
+        self, receiver: str, sequence: int, tick: int, attempt: int = 1, *, back: bool = False
+    ) -> tuple[int, ...]:
         """Ticks at which a message would arrive at a receiver if it were the only one; none if it is lost.
 
         Parameters
@@ -133,21 +135,30 @@ class Channel:
             Number of the message on its link: 1, 2, ...
         tick
             When it was sent. A message that arrives at a later tick comes in the first step of that tick.
+        attempt
+            1, 2, ...: of a message that is sent again, each has luck of its own.
+        back
+            Of the acknowledgement on its way from the receiver: as late, lost as often, in the same bursts and outages.
         """
-        if self.takes(receiver, sequence, tick):
+        if self.takes(receiver, sequence, tick, attempt, back=back):
             return ()
         copies = self.copies(receiver, sequence)
         if self.jitter is None:
             return (tick + math.ceil(self.delay_ticks),) * copies
-        drawn = uniforms(self._key(f"jitter/{receiver}"), sequence, 1, _COPIES)[0]
+        drawn = uniforms(self._key(f"jitter/{receiver}{_which(attempt, back)}"), sequence, 1, _COPIES)[0]
         delays = [self.delay_ticks + self.jitter.seconds(float(u)) * self.ticks_per_second for u in drawn[:copies]]
         return tuple(sorted(tick + max(0, math.ceil(delay)) for delay in delays))
 
-    def takes(self, receiver: str, sequence: int, tick: int) -> bool:
+    def takes(self, receiver: str, sequence: int, tick: int, attempt: int = 1, *, back: bool = False) -> bool:
         """Whether a message is lost: in an outage, in a burst, or by chance."""
         if self.outages and any(start <= tick < end for start, end in self.outages.get(receiver, ())):
             return True
-        return self.drops(receiver, sequence) or (self.bursts is not None and self._bursts(receiver, sequence, tick))
+        if self.bursts is None and self.loss == 0.0:
+            return False
+        loss = self.loss
+        if self.bursts is not None:
+            loss = self.bursts.loss_bad if self.is_bad(receiver, tick) else self.bursts.loss_good
+        return self._draw(f"{receiver}{_which(attempt, back)}", sequence) < loss
 
     def drops(self, receiver: str, sequence: int) -> bool:
         """Whether chance takes a message, whatever the tick; the receiver can tell that much by itself."""
@@ -165,16 +176,16 @@ class Channel:
         stays = _stays(self._key(f"bursts/{receiver}"), self.bursts.good_s, self.bursts.bad_s)
         return stays.is_bad(tick / self.ticks_per_second)
 
-    def _bursts(self, receiver: str, sequence: int, tick: int) -> bool:
-        assert self.bursts is not None
-        loss = self.bursts.loss_bad if self.is_bad(receiver, tick) else self.bursts.loss_good
-        return self._draw(receiver, sequence) < loss
-
     def _draw(self, receiver: str, sequence: int) -> float:
-        return uniform(stream_key(self.seed, f"channel/{self.link}/{receiver}"), sequence)
+        return uniform(self._key(receiver), sequence)
 
     def _key(self, stream: str) -> int:
         return stream_key(self.seed, f"channel/{self.link}/{stream}")
+
+
+def _which(attempt: int, back: bool) -> str:
+    """The part of a stream's name that tells attempts and directions apart; empty of what is sent once."""
+    return f"{' back' if back else ''}{f' again {attempt}' if attempt > 1 else ''}"
 
 
 class Way:
@@ -186,17 +197,20 @@ class Way:
         Of the link.
     receiver
         Full name of the module.
+    back
+        The way of acknowledgements from it.
     """
 
-    def __init__(self, channel: Channel, receiver: str) -> None:
+    def __init__(self, channel: Channel, receiver: str, *, back: bool = False) -> None:
         self._channel = channel
         self._receiver = receiver
+        self._back = back
         self._in_order = channel.jitter is not None and not channel.jitter.overtaking
         self._latest = 0
 
-    def arrivals(self, sequence: int, tick: int) -> tuple[int, ...]:
+    def arrivals(self, sequence: int, tick: int, attempt: int = 1) -> tuple[int, ...]:
         """Ticks at which the next message arrives, as :meth:`Channel.arrivals`; to be asked in order of sending."""
-        found = self._channel.arrivals(self._receiver, sequence, tick)
+        found = self._channel.arrivals(self._receiver, sequence, tick, attempt, back=self._back)
         if self._in_order and found:
             found = tuple(max(self._latest, when) for when in found)
             self._latest = found[-1]

@@ -86,6 +86,12 @@ class Driver:
         expected = None if role.fires_on is None else self._connected.intersection((role.triggers,))
         return self._received(tick, (), expected)
 
+    def settle(self, tick: int, port: str, acknowledged: bool) -> None:
+        """Tell the module what became of what it sent on a port: it knows this before what arrives at this tick."""
+        self._sample(tick)
+        self._advance(tick)
+        self._component.call("settle", port, tick, acknowledged)
+
     def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
         return self._received(tick, arrivals, self._connected if self.module.answers else None)

@@ -25,6 +25,72 @@ class LinkKind(StrEnum):
     """Light, current or torque: carried by the emulation plane, never added to the network figures."""
 
 
+class AfterLast(StrEnum):
+    """What happens when the last try has not been acknowledged."""
+
+    GIVE_UP = "give_up"
+    """The sender goes on, and knows that the other side holds what it held before."""
+    HALT = "halt"
+    """The run ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """How the messages of a link are acknowledged (:mod:`etac_ros.graph.acknowledged`).
+
+    Attributes
+    ----------
+    timeout_ns
+        From the end of a try to the next [ns].
+    retries
+        Tries beside the first.
+    by
+        Receivers that acknowledge, in the order of the link, and the line over which each does.
+    any_suffices
+        Whether one of them is enough; otherwise all have to.
+    frame_bytes
+        Of the whole frame of an acknowledgement.
+    after_last
+        What happens when the last try has not been acknowledged.
+    told
+        Whether the sender's trigger rule compares with what was acknowledged; otherwise with what was sent.
+    """
+
+    timeout_ns: int
+    retries: int
+    by: Mapping[str, str]
+    any_suffices: bool
+    frame_bytes: int
+    after_last: AfterLast
+    told: bool
+
+
+class Reliability(StrEnum):
+    """What DDS does about a sample that is lost on its way."""
+
+    RELIABLE = "reliable"
+    """Its reader misses it, and gets it once more."""
+    BEST_EFFORT = "best_effort"
+    """Nothing. In simulated time, which counts every message, that ends the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """How DDS carries a link's messages. What a run comes to does not depend on it.
+
+    Attributes
+    ----------
+    history
+        Samples that writer and readers keep: the last so many.
+    """
+
+    reliability: Reliability = Reliability.RELIABLE
+    history: int = 4096
+
+
+USUAL_QOS = Qos()
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """One sender's port, one topic, any number of receivers."""
@@ -40,6 +106,14 @@ class Link:
     channel: Channel
     medium: str = ""
     """The shared medium that its messages cross before the channel has its say; empty for none."""
+    acknowledged: Acknowledgement | None = None
+    """None of a link whose messages are sent once."""
+    qos: Qos = USUAL_QOS
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether every message arrives at the tick of sending, once, and nobody says so."""
+        return self.channel.ideal and not self.medium and self.acknowledged is None
 
 
 @dataclass(frozen=True)
@@ -74,6 +148,16 @@ class Graph:
     def plants(self) -> tuple[str, ...]:
         """Names of the plants."""
         return tuple(name for name, module in self.modules.items() if isinstance(module, PlantModule))
+
+    @cached_property
+    def acknowledged(self) -> tuple[Link, ...]:
+        """The links that are acknowledged."""
+        return tuple(link for link in self.links.values() if link.acknowledged is not None)
+
+    @cached_property
+    def told(self) -> frozenset[str]:
+        """The modules that are told what of theirs was acknowledged."""
+        return frozenset(link.sender for link in self.acknowledged if link.acknowledged and link.acknowledged.told)
 
     @cached_property
     def reporters(self) -> tuple[str, ...]:
@@ -111,13 +195,14 @@ class Graph:
     def acts_on_arrival(self, module: str) -> bool:
         """Whether a message alone tells the module all it needs, so that it waits for no order.
 
-        It never acts by itself, and it has one input, which crosses no medium and whose channel lets it tell from a
-        message whether that arrives; and where it needs to know the time, the message has it.
+        It never acts by itself, and is not told of acknowledgements. It has one input, which crosses no medium, is not
+        acknowledged, and whose channel lets it tell from a message whether that arrives; and where it needs to know
+        the time, the message has it.
         """
         incoming = self.hears[module]
         node = self.modules[module]
-        if not (node.answers or node.passive) or len(incoming) != 1:
+        if not (node.answers or node.passive) or len(incoming) != 1 or module in self.told:
             return False
         link = incoming[0]
         told = not self.needs_time(module) or link.wire.format is WireFormat.STAMPED
-        return link.channel.told_by_message and not link.medium and told
+        return link.channel.told_by_message and not link.medium and link.acknowledged is None and told

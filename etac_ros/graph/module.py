@@ -79,6 +79,8 @@ class Context:
     """Wire format of each connected output port ("" is the only port); where none is named, values pass unrounded."""
     incoming: tuple[str, ...] = ()
     """Names of the links that lead to the module, in the order of the graph."""
+    acknowledged: frozenset[str] = frozenset()
+    """Output ports ("" is the only port) whose messages are acknowledged, and of which the module is told."""
 
 
 class Module:
@@ -103,6 +105,10 @@ class Module:
 
     inputs: dict[str, int]
     outputs: dict[str, int]
+    hears_acknowledgements: bool = False
+    """Whether it goes by what was acknowledged of its messages (:meth:`settle`), where they are."""
+    hold_ticks: int | None = None
+    """Ticks after which what it was told last expires, and it acts by itself; None for never."""
     halt: str = ""
     """Set by a watch, while it acts, to end the run at this tick: what was found, in words."""
 
@@ -196,6 +202,22 @@ class Module:
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         """Act by itself at a tick that :meth:`scan` has named."""
         raise NotImplementedError(f"{type(self).__name__} names ticks in scan() but has no fire()")
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Be told that the wait for the acknowledgement of the last message of a port is over.
+
+        It comes after :meth:`advance` and before :meth:`receive` of that tick; afterwards the module is asked anew when
+        it acts. Only of ports that ``context.acknowledged`` names.
+
+        Parameters
+        ----------
+        port
+            On which it was sent.
+        tick
+            At which that is known.
+        acknowledged
+            False where the last try was in vain: the other side holds what it held before.
+        """
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Take all that arrives in one step.

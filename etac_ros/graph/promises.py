@@ -16,6 +16,7 @@ import numpy as np
 import etac_ros
 from etac_ros.errors import BrokenPromise, EtacError
 from etac_ros.parameters import FloatArray
+from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
@@ -52,6 +53,7 @@ class Component:
         self.node = node
         self.owner = owner
         self.name = type(owner if named is None else named).__name__
+        self._takes: dict[tuple[str, str], bool] = {}
 
     def call(self, method: str, *arguments: Any, **named: Any) -> Any:
         """What a method returns, unchecked.
@@ -109,7 +111,28 @@ class Component:
 
     def takes(self, method: str, parameter: str) -> bool:
         """Whether a method has a parameter of a name: so a class says what it wants to be told."""
-        return takes(getattr(self.owner, method), parameter)
+        known = self._takes.get((method, parameter))
+        if known is None:
+            known = self._takes[method, parameter] = takes(getattr(self.owner, method), parameter)
+        return known
+
+
+def check_state_size(owner: object, plant: Plant) -> None:
+    """Make sure that what reads a plant's states takes states of that size, where it says a size: ``state_size``.
+
+    A compiled kernel that is shown too few columns reads what lies behind them, and one that is shown those of another
+    plant takes one quantity for another.
+
+    Raises
+    ------
+    ValueError
+        If the sizes differ.
+    """
+    wanted, found = getattr(owner, "state_size", None), plant.initial_state().size
+    if wanted is not None and wanted != found:
+        raise ValueError(
+            f"{type(owner).__name__} takes states of {wanted} components; {type(plant).__name__} has {found}"
+        )
 
 
 def takes(function: Callable[..., Any], parameter: str) -> bool:

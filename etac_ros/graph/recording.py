@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
 
-from etac_ros.graph.ledger import Entry, Event
+from etac_ros.graph.acknowledged import Event
+from etac_ros.graph.ledger import Entry
+from etac_ros.graph.ledger import Event as LedgerEvent
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.media.frame import Fate, Outcome
 from etac_ros.parameters import FloatArray
@@ -53,6 +55,8 @@ class Recording:
     _landed: tuple[int, dict[str, dict[int, int]]] | None = field(default=None, repr=False, compare=False)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
     """By plant: how many chunks there were when they were last joined, and all their samples."""
+    _conversations: dict[str, tuple[int, int, list[Event]]] = field(default_factory=dict, repr=False, compare=False)
+    """By acknowledged link: how many fates and messages there were when it was last replayed, and what came of it."""
 
     def digest(self) -> str:
         """A number for all that happened, to the last bit: the same for two runs only if they are the same."""
@@ -79,12 +83,20 @@ class Recording:
             self._landed = len(self.air), by_link
         return self._landed[1].get(link, {})
 
+    def remembered(self, link: str, make: Callable[[], list[Event]]) -> list[Event]:
+        """What happened on an acknowledged link, made once."""
+        seen = len(self.air), len(self.messages[link])
+        known = self._conversations.get(link)
+        if known is None or known[:2] != seen:
+            known = self._conversations[link] = (*seen, make())
+        return known[2]
+
     def taken(self, receiver: str) -> Mapping[tuple[int, int], int]:
         """Ticks at which a node of a run in real time took messages, by place of the link and sequence number."""
         if receiver not in self._taken:
             entries = self.ledgers.get(receiver, ())
             self._taken[receiver] = {
-                (entry.link, entry.sequence): entry.tick for entry in entries if entry.event is Event.TAKEN
+                (entry.link, entry.sequence): entry.tick for entry in entries if entry.event is LedgerEvent.TAKEN
             }
         return self._taken[receiver]
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.graph.acknowledged import Event, Taken, replayed
 from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.held import HeldInputs
@@ -60,6 +61,8 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
     Nobody acts at the end tick or later, so what would arrive there has not arrived.
     """
     if recording.wall is not None:
+        return _noted(graph, recording, link, receiver)
+    if link.acknowledged is not None:
         return _taken(graph, recording, link, receiver)
     found = []
     way = Way(link.channel, receiver)
@@ -77,7 +80,29 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
     return found
 
 
+def conversation(graph: Graph, recording: Recording, link: Link) -> list[Event]:
+    """What happened on an acknowledged link: what was taken, and how each wait for an acknowledgement ended."""
+
+    def make() -> list[Event]:
+        sent = [(message.sequence, message.tick) for message in recording.messages[link.name]]
+        return replayed(link, sent, recording.air, graph.ticks_per_second)
+
+    return recording.remembered(link.name, make)
+
+
 def _taken(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
+    messages = {message.sequence: message for message in recording.messages[link.name]}
+    found = []
+    for event in conversation(graph, recording, link):
+        if isinstance(event, Taken) and event.receiver == receiver and event.sequence in messages:
+            message = messages[event.sequence]
+            tick = landing_tick(event.at_ns, graph.ticks_per_second)
+            if tick < graph.end_tick:
+                found.append(Delivery(tick, 1 if tick > message.tick else message.step + 1, message))
+    return found
+
+
+def _noted(graph: Graph, recording: Recording, link: Link, receiver: str) -> list[Delivery]:
     """In real time nothing tells when a message arrives but the receiver's own ledger.
 
     Where that has not come (a foreign node keeps none, and of a killed one the end is lost), a message counts in the

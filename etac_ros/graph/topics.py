@@ -22,6 +22,11 @@ RECORDED = f"{EMULATION}/recorded"
 AIR = f"{EMULATION}/air"
 """What became of frames on shared media; only in bags."""
 
+STATE = "/state"
+"""Prefix of what a bag shows of every body, computed of committed samples while they are recorded."""
+TF, TF_STATIC = "/tf", "/tf_static"
+"""The same as transforms; their names are ROS's."""
+
 _WINDOW, _TRUTH, _NEXT, _GO, _LEDGER = "window", "truth", "next", "go", "ledger"
 
 
@@ -59,6 +64,16 @@ def node_of_ledger(topic: str) -> str | None:
 def derived_topic(node: str) -> str:
     """What was computed of committed samples while they were recorded; only in bags."""
     return f"{EMULATION}{node}/derived"
+
+
+def state_topic(plant: str, *words: str) -> str:
+    """What a bag shows of a plant, in words; only in bags."""
+    return "/".join([f"{STATE}{plant}", *words])
+
+
+def is_taken(topic: str) -> bool:
+    """Whether a topic has a meaning of its own, so that no link may have it."""
+    return topic in (TF, TF_STATIC) or topic.startswith(f"{STATE}/")
 
 
 def type_of(topic: str) -> str:

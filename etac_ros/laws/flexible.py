@@ -12,6 +12,7 @@ from pydantic import PositiveFloat
 
 from etac_ros.maths.compiled import kernel
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.flexible import STATES
 
 
 @kernel
@@ -42,6 +43,7 @@ class FeedbackVector:
     """
 
     Parameters = FeedbackVectorParameters
+    state_size = STATES
     size = 3
     label = "σ"
     unit = "rad/s"

@@ -12,6 +12,7 @@ from pydantic import NonNegativeFloat, PositiveFloat
 
 from etac_ros.maths.compiled import kernel
 from etac_ros.parameters import FloatArray, Parameters, PositiveVector3, vector
+from etac_ros.plants.flexible import STATES
 
 
 @kernel
@@ -55,6 +56,7 @@ class RateAndSurface:
     """
 
     Parameters = RateAndSurfaceParameters
+    state_size = STATES
     size = 6
     label = "ω, s"
     unit = "rad/s"

@@ -24,6 +24,9 @@ class Signal(Protocol):
     A signal that sends something else than is watched, as a torque that it knows the law of, has besides
     ``sent_size`` and ``sent(states)``, called as ``evaluate`` is. The trigger rule compares rows of ``evaluate`` with
     the row of the last triggering instant then.
+
+    A signal that takes the states of one kind of plant says how many components they have, as ``state_size``: a plant
+    with another number is refused.
     """
 
     Parameters: ClassVar[type[Parameters]]

@@ -23,9 +23,10 @@ Readings of the paper
   which together would be positive feedback.
 - Eq. (7) feeds ``+Delta_tau`` forward. To cancel the ``+Delta_tau`` of eq. (2), it has to be ``-Delta_tau``.
 - ``tau_d`` in eq. (13) is the SM's ``tau_ds``. A law whose ``disturbance_sm`` is left out feeds none forward.
-- The panels' ``Delta eta_ddot`` in eq. (13) is left out of the event-triggered law, whose held torque could
-  not follow it anyway. The sliding-mode baseline (:mod:`etac_ros.laws.qi2022_smc`) is updated every step and
-  has it.
+- The panels' ``Delta eta_ddot`` in eq. (13) is left out of the event-triggered law. With it, held between instants,
+  the modules collide or the rule fires several times as often as the paper's (:mod:`etac_ros.laws.qi2022_panels`,
+  variant ``panels``, docs/readings.md). The sliding-mode baseline (:mod:`etac_ros.laws.qi2022_smc`) is updated every
+  step and has it.
 - The orbit is circular: the terms with ``omega_oi_dot`` vanish.
 - Each law has a model of its own (inertias, orbit, disturbances), because its knowledge need not be the
   truth.
@@ -46,7 +47,7 @@ from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply, turn
 from etac_ros.parameters import FloatArray, Parameters, Vector3, square, vector
 from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
-from etac_ros.plants.pm_sm import PrintedInertia
+from etac_ros.plants.pm_sm import STATES, PrintedInertia
 
 FEEDBACK_SIZE = 6
 MEASUREMENT_SIZE = 15
@@ -66,8 +67,8 @@ _CMG_MOMENTUM = 9  # 3: h_c in S [N m s]
 _NCLA_SM = 12  # 3: Delta_tau in P [N m]
 _DISTURBANCE_SM = 15  # 12: tau_ds in S
 SM_MODEL_SIZE = 27
-_SM_ATTITUDE_GAIN = 27  # 3: K_ps [N m]
-_SM_RATE_GAIN = 30  # 3: K_ds [N m s]
+SM_ATTITUDE_GAIN = 27  # 3: K_ps [N m]
+SM_RATE_GAIN = 30  # 3: K_ds [N m s]
 _FEED_FORWARD = 33  # 1.0 with Delta_s, else 0.0
 
 
@@ -215,7 +216,7 @@ def _tracking(measurements, ticks, p, ticks_per_second):  # type: ignore[no-unty
         m = measurements[k]
         feed_forward(m, seconds(ticks[k], ticks_per_second), p, unused, forward)
         for i in range(3):
-            error = -p[_SM_ATTITUDE_GAIN + i] * m[i] - p[_SM_RATE_GAIN + i] * m[3 + i]
+            error = -p[SM_ATTITUDE_GAIN + i] * m[i] - p[SM_RATE_GAIN + i] * m[3 + i]
             out[k, i] = error + p[_FEED_FORWARD] * forward[i]
     return out
 
@@ -299,6 +300,7 @@ class PmFeedback:
     """
 
     Parameters = PmFeedbackParameters
+    state_size = STATES
     size = FEEDBACK_SIZE
     label = "[q_po, omega_po]"
 
@@ -374,6 +376,7 @@ class RelativeMeasurement:
     """
 
     Parameters = PmModelParameters
+    state_size = STATES
     size = MEASUREMENT_SIZE
     label = "[q_sp, omega_sp, tau_p, omega_pi, omega_pi_dot]"
 

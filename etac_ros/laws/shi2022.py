@@ -41,6 +41,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters, Vector3, vector
+from etac_ros.plants.rigid import STATES
 from etac_ros.plants.watch import Watch
 
 STATE_SIZE = 7
@@ -243,6 +244,7 @@ class AdaptivePrescribedPerformance:
 
     Parameters = AdaptivePrescribedPerformanceParameters
     command_size = 3
+    state_size = STATES
     label = "τ"
     unit = "N m"
 

@@ -7,6 +7,7 @@ from pydantic import PositiveFloat
 
 from etac_ros.maths.compiled import kernel
 from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.plants.rigid import STATES
 
 
 @kernel
@@ -34,6 +35,7 @@ class FilteredError:
     """
 
     Parameters = FilteredErrorParameters
+    state_size = STATES
     size = 3
     label = "s"
     unit = "rad/s"

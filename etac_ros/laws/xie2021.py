@@ -61,6 +61,7 @@ from etac_ros.plants.mrp_reference import (
     mrp_reference_acceleration,
     omega_dot_of_mrp_acceleration,
 )
+from etac_ros.plants.rigid_mrp import STATES
 
 SIGNAL_SIZE = 9
 BROADCAST_SIZE = 6
@@ -166,6 +167,7 @@ class CoordinationError:
     """
 
     Parameters = CoordinationErrorParameters
+    state_size = STATES
     size = SIGNAL_SIZE
     broadcast_size = BROADCAST_SIZE
     label = "[chi, e_dot, eta]"

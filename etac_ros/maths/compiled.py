@@ -1,5 +1,7 @@
 """How kernels are compiled: numba, one scalar formula for windows and single samples, cached on disk.
 
+Numba is imported when the first kernel is called: its import takes longer than most commands, which call none.
+
 No fastmath and no parallel loops: both change bits, and the engines have to agree to the last one.
 
 Numba does not see that a kernel depends on functions of other files, so a changed helper would leave a stale
@@ -9,18 +11,17 @@ machine-code file in use. The cache folder therefore carries a digest of the pac
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import importlib.metadata
 import inspect
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-import numba
-from numba.core import config
-from numba.extending import register_jitable
 
 _ROOMS = ("maths", "plants", "laws", "triggers")
 _KEPT_CACHES = 4
@@ -28,7 +29,7 @@ _KEPT_CACHES = 4
 
 def _package_digest() -> str:
     package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(importlib.metadata.version("numba").encode())
     for room in _ROOMS:
         for path in sorted((package / room).glob("*.py")):
             digest.update(path.name.encode())
@@ -36,6 +37,7 @@ def _package_digest() -> str:
     return digest.hexdigest()[:16]
 
 
+@functools.cache
 def _use_cache_folder() -> None:
     if "NUMBA_CACHE_DIR" in os.environ:
         return
@@ -50,16 +52,62 @@ def _use_cache_folder() -> None:
             shutil.rmtree(path, ignore_errors=True)
     except OSError:
         folder = Path(tempfile.gettempdir()) / f"etac_ros_kernels_{os.getuid()}" / _package_digest()
+    from numba.core import config
+
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # made at import, from the environment
 
 
-_use_cache_folder()
+_waiting: list[Callable[..., Any]] = []
+"""Functions for kernels of which numba does not know yet."""
 
-kernel: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")
-"""Decorator of a compiled entry point. Called from Python with contiguous float64 arrays and integers only."""
 
-inlined: Callable[..., Any] = register_jitable
-"""Decorator of a function that kernels call. It stays an ordinary Python function as well."""
+def tell_numba() -> None:
+    """Tell numba, if it is there, of all functions that kernels may call. A second call costs nothing.
+
+    Kernels do so by themselves, and so does whoever imports the classes that a scenario names: a user's class may
+    compile with numba directly, and call functions of ours.
+    """
+    if "numba" not in sys.modules or not _waiting:
+        return
+    from numba.extending import register_jitable
+
+    while _waiting:
+        register_jitable(_waiting.pop())
+
+
+def import_numba() -> None:
+    """Import numba here, so that no module that first calls a kernel is blamed where that fails."""
+    import numba  # noqa: F401
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator of a compiled entry point. Called from Python with contiguous float64 arrays and integers only."""
+    compiled: Callable[..., Any] | None = None
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        nonlocal compiled
+        if compiled is None:
+            compiled = _compiled(function)
+        return compiled(*arguments)
+
+    return call
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator of a function that kernels call. It stays an ordinary Python function as well."""
+    _waiting.append(function)
+    tell_numba()
+    return function
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    import numba
+
+    _use_cache_folder()
+    tell_numba()
+    made: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")(function)
+    return made
 
 
 def source_digest(*functions: Callable[..., Any]) -> str:

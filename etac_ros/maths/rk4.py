@@ -76,4 +76,4 @@ def propagator(
             states[i] = x
         return states
 
-    return propagate  # type: ignore[no-any-return]
+    return propagate

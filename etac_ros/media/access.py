@@ -32,6 +32,8 @@ class Waiting(NamedTuple):
     collisions: int
     key: int
     sequence: int
+    answers: bool = False
+    """Whether it acknowledges another frame: the sender of that one waits for it."""
 
     def drawn(self) -> float:
         """A uniform deviate in (0, 1) of this frame in this turn: the same whenever it is asked for."""
@@ -45,13 +47,16 @@ class Air(NamedTuple):
     """Since when, or from when on, nobody sends."""
     last_sender: str
     """Who sent last; empty before anybody has."""
+    now_ns: int = 0
+    """Up to when all is settled: nothing begins before. It matters to a rule by which a frame waits of its own will, so
+    that one which has just become the first in its queue might have begun already."""
 
 
 class Turn(NamedTuple):
     """Who sends next."""
 
     start_ns: int
-    """Not before the air is idle, nor before the frames were offered."""
+    """Not before the air is idle, nor before the frames were offered, nor before now."""
     places: tuple[int, ...]
     """Places of the frames in what was waiting; several collide."""
 

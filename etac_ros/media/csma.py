@@ -38,6 +38,9 @@ class CsmaParameters(Parameters):
 class Csma:
     """CSMA/CA in its essence: each waits a random number of slots once the air is idle, anew for every turn.
 
+    Acknowledgements do not contend: as in both standards, they follow their frame at once, one after the other, before
+    anybody else has sensed that the air is idle.
+
     Of what the standards add, this has neither the freezing of counters (802.11) nor the give-up after a busy channel
     (802.15.4); nobody is hidden from anybody.
     """
@@ -51,12 +54,15 @@ class Csma:
 
     def turn(self, air: Air, waiting: Sequence[Waiting]) -> Turn:
         """Who begins first, with all who begin before they could hear him."""
-        oldest: dict[str, int] = {}  # a sender contends with one frame at a time
+        first_of: dict[str, int] = {}  # a sender contends with one frame at a time
         for place, one in enumerate(waiting):
-            if one.sender not in oldest or one.order < waiting[oldest[one.sender]].order:
-                oldest[one.sender] = place
-        starts = {place: self._start(air, waiting[place]) for place in oldest.values()}
+            if one.sender not in first_of or _sooner(one, waiting[first_of[one.sender]]):
+                first_of[one.sender] = place
+        starts = {place: max(air.now_ns, self._start(air, waiting[place])) for place in first_of.values()}
         first = min(starts.values())
+        answers = [place for place, start in starts.items() if start == first and waiting[place].answers]
+        if answers:
+            return Turn(first, (min(answers, key=lambda place: waiting[place].order),))
         return Turn(first, tuple(sorted(place for place, start in starts.items() if start - first < self._slot)))
 
     def may_retry(self, collisions: int) -> bool:
@@ -64,5 +70,12 @@ class Csma:
         return collisions < self._parameters.tries
 
     def _start(self, air: Air, frame: Waiting) -> int:
+        if frame.answers:
+            return max(air.idle_ns, frame.since_ns)
         window = min(self._parameters.window << min(frame.collisions, 32), self._parameters.window_most)
         return max(air.idle_ns, frame.since_ns) + self._gap + int(frame.drawn() * window) * self._slot
+
+
+def _sooner(one: Waiting, other: Waiting) -> bool:
+    """Which frame of a sender goes first: acknowledgements before all else, then the oldest."""
+    return (not one.answers, one.order) < (not other.answers, other.order)

@@ -66,6 +66,7 @@ class _Queued:
     sequence: int
     offered_ns: int
     order: int
+    attempt: int
     turns: int = 0
     collisions: int = 0
 
@@ -82,7 +83,7 @@ class Medium:
 
     plan: MediumPlan
     _queues: dict[str, deque[_Queued]] = field(init=False)
-    _keys: dict[str, int] = field(init=False)
+    _keys: dict[tuple[str, int], int] = field(default_factory=dict)
     _waiting_at: dict[str, int] = field(init=False)
     _flying: list[Fate] = field(default_factory=list)
     _log: list[Fate] = field(default_factory=list)
@@ -97,13 +98,12 @@ class Medium:
     def __post_init__(self) -> None:
         plan = self.plan
         self._queues = {link: deque() for link in plan.lines}
-        self._keys = {link: stream_key(plan.seed, f"medium/{plan.name}/{link}") for link in plan.lines}
         self._waiting_at = {line.sender: 0 for line in plan.lines.values()}
 
-    def offer(self, link: str, sequence: int, now_ns: int) -> None:
+    def offer(self, link: str, sequence: int, now_ns: int, attempt: int = 1) -> None:
         """Take a message that wants to be sent now; whatever was to begin before has begun (:meth:`advance`)."""
         sender = self.plan.lines[link].sender
-        frame = _Queued(link, sequence, now_ns, self._offered)
+        frame = _Queued(link, sequence, now_ns, self._offered, attempt)
         self._offered += 1
         self._is_planned = False
         full = self.plan.queue_full
@@ -142,6 +142,15 @@ class Medium:
         taken, self._log = self._log, []
         return taken
 
+    def _key(self, frame: _Queued) -> int:
+        """Of the draws of a frame: each attempt has its own."""
+        known = self._keys.get((frame.link, frame.attempt))
+        if known is None:
+            which = "" if frame.attempt == 1 else f" again {frame.attempt}"
+            known = stream_key(self.plan.seed, f"medium/{self.plan.name}/{frame.link}{which}")
+            self._keys[frame.link, frame.attempt] = known
+        return known
+
     def _sender(self, link: str) -> str:
         return self.plan.lines[link].sender
 
@@ -169,11 +178,12 @@ class Medium:
         waiting = [
             Waiting(
                 head.link, self.plan.lines[head.link].sender, head.offered_ns, self.plan.lines[head.link].duration_ns,
-                head.order, head.turns, head.collisions, self._keys[head.link], head.sequence,
+                head.order, head.turns, head.collisions, self._key(head), head.sequence,
+                self.plan.lines[head.link].answers,
             )
             for head in self._heads
         ]  # fmt: skip
-        return self._checked(self.plan.access.turn(self._air, waiting))
+        return self._checked(self.plan.access.turn(self._air._replace(now_ns=self._now), waiting))
 
     def _checked(self, turn: Turn) -> Turn:
         """Hold the rule to its promise: anybody's class may be one."""
@@ -212,7 +222,7 @@ class Medium:
                 self._waiting_at[line.sender] -= 1
             fate = Fate(
                 frame.link, frame.sequence, outcome, frame.offered_ns, turn.start_ns, end,
-                end + self.plan.propagation_ns,
+                end + self.plan.propagation_ns, frame.attempt,
             )  # fmt: skip
             self._log.append(fate)
             if alone:
@@ -222,4 +232,4 @@ class Medium:
 
 
 def _never_sent(frame: _Queued, now_ns: int) -> Fate:
-    return Fate(frame.link, frame.sequence, Outcome.DROPPED, frame.offered_ns, now_ns, now_ns, now_ns)
+    return Fate(frame.link, frame.sequence, Outcome.DROPPED, frame.offered_ns, now_ns, now_ns, now_ns, frame.attempt)

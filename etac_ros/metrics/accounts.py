@@ -7,34 +7,47 @@ those of the emulated air; what crossed DDS, each message once, is counted by to
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from etac_ros.errors import ProtocolError
+from etac_ros.graph.acknowledged import End, Ended
 from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.recording import Message, Recording
-from etac_ros.graph.replay import Delivery, deliveries
+from etac_ros.graph.replay import Delivery, conversation, deliveries
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds, seconds
-from etac_ros.media.frame import Fate, Outcome, landing_tick
+from etac_ros.media.frame import Fate, Outcome, landing_tick, link_and_place
+from etac_ros.media.medium import Full
 
 
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+class AcknowledgementAccount(_Model):
+    """Of a link that is acknowledged."""
+
+    acknowledged: int = Field(description="messages of which the sender knows that they arrived")
+    retransmitted: int = Field(description="frames that were sent again, beside the first of each message")
+    acknowledgements: int = Field(description="frames that acknowledge, on the air")
+    acknowledgement_bytes: int = Field(description="of these")
+
+
 class LinkAccount(_Model):
-    """One link. sent = delivered + lost + dropped + given_up + under_way, each counted by itself."""
+    """One link. sent = delivered + lost + dropped + given_up + superseded + under_way, each counted by itself."""
 
     medium: str | None = Field(description="the shared medium that it crosses")
     sent: int = Field(description="messages times receivers")
     delivered: int = Field(description="of them, those that arrived, however often")
     lost: int = Field(description="in the channel: by chance, in a burst or in an outage")
     dropped: int = Field(description="from a queue of the medium")
-    given_up: int = Field(description="after the last collision")
-    under_way: int = Field(description="at the end: in a queue, on the air or delayed")
+    given_up: int = Field(description="after the last collision, or the last try that was not acknowledged")
+    superseded: int = Field(description="not sent again, since a newer message took their place")
+    under_way: int = Field(description="at the end: in a queue, on the air, delayed, or to be sent again")
     duplicated: int = Field(description="arrivals beyond the first of each message")
     overtaken: int = Field(description="arrived after one that was sent later")
     least_delay_s: float | None = Field(description="of the first arrivals; null where nothing arrived")
@@ -45,6 +58,15 @@ class LinkAccount(_Model):
         description="age of the newest information at a receiver, from its first arrival on; mean of all receivers"
     )
     peak_age_s: float | None = Field(description="the largest age at any receiver")
+    acknowledgement: AcknowledgementAccount | None = Field(description="null where nothing is acknowledged")
+
+
+class HoldAccount(_Model):
+    """A zero-order hold with a time to live."""
+
+    time_to_live_s: float
+    expired: int = Field(description="commands that outlived it")
+    safe_s: float = Field(description="during which the safe command was applied")
 
 
 class MediumAccount(_Model):
@@ -54,8 +76,9 @@ class MediumAccount(_Model):
     collided: int = Field(description="of them, those that were not alone there")
     given_up: int = Field(description="frames after whose collision nothing was tried any more")
     dropped: int = Field(description="frames that never were on the air, for want of a place in a queue")
-    payload_bytes: int = Field(description="of frames that were alone on the air")
+    payload_bytes: int = Field(description="of frames that were alone on the air, those sent again included")
     overhead_bytes: int = Field(description="of the same")
+    acknowledgement_bytes: int = Field(description="of acknowledgements that were alone on the air")
     collided_bytes: int = Field(description="of all others, payload and overhead")
     air_time_s: float = Field(description="during which somebody sent")
     utilisation: float = Field(description="the same as a part of the run")
@@ -63,6 +86,19 @@ class MediumAccount(_Model):
         description="of senders and receivers while frames last, collided ones included; null without powers"
     )
     overflow_s: float | None = Field(description="when a frame was dropped first; null for never")
+    overflow_of: str | None = Field(
+        description="whose queue passed its length then; null for nobody's, as where only the latest value waits"
+    )
+
+
+_CONSERVED = ("delivered", "lost", "dropped", "given_up", "superseded", "under_way")
+_AT_THE_END = {
+    None: "under_way",
+    End.GIVEN_UP: "given_up",
+    End.SUPERSEDED: "superseded",
+    End.ACKNOWLEDGED: "lost",  # by others, who were enough
+}
+"""What became of a message that did not reach a receiver, by how the wait for its acknowledgement ended."""
 
 
 def link_accounts(graph: Graph, recording: Recording) -> dict[str, LinkAccount]:
@@ -73,16 +109,46 @@ def link_accounts(graph: Graph, recording: Recording) -> dict[str, LinkAccount]:
     ProtocolError
         If messages are missing in the account, or are more than were sent.
     """
-    return {
-        name: _of_link(graph, recording, link)
-        for name, link in graph.links.items()
-        if link.medium or not link.channel.ideal
-    }
+    return {name: _of_link(graph, recording, link) for name, link in graph.links.items() if not link.is_ideal}
+
+
+def overflows(media: Mapping[str, MediumAccount], ticks_per_second: int) -> tuple[str, ...]:
+    """In words: which queue passed its length, and at which tick."""
+    found = []
+    for name, account in media.items():
+        if account.overflow_of is not None and account.overflow_s is not None:
+            tick = landing_tick(round(account.overflow_s * NANOSECONDS), ticks_per_second)
+            when = f"at {account.overflow_s:.6g} s (tick {tick})"
+            found.append(f"medium {name}: the queue of {account.overflow_of} passed its length {when}")
+    return tuple(found)
 
 
 def medium_accounts(graph: Graph, recording: Recording) -> dict[str, MediumAccount]:
     """The account of each medium, up to the end of the run."""
     return {name: _of_medium(graph, recording, name) for name in graph.media}
+
+
+def hold_accounts(graph: Graph, recording: Recording) -> dict[str, HoldAccount]:
+    """The account of each hold that has a time to live."""
+    return {
+        name: _of_hold(graph, recording, name, module.hold_ticks)
+        for name, module in graph.modules.items()
+        if module.hold_ticks is not None
+    }
+
+
+def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> HoldAccount:
+    links = graph.sends[name]
+    sent = recording.messages[links[0].name] if links else []
+    # What it does by itself it does in step 0; what it does on arrival in a later one.
+    safe = [message.step == 0 for message in sent]
+    ticks = [*(message.tick for message in sent), graph.end_tick]
+    lasts = [until - tick for tick, until in pairwise(ticks)]
+    return HoldAccount(
+        time_to_live_s=hold_ticks / graph.ticks_per_second,
+        expired=sum(safe),
+        safe_s=sum(stay for stay, is_safe in zip(lasts, safe, strict=True) if is_safe) / graph.ticks_per_second,
+    )
 
 
 def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
@@ -96,15 +162,18 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
     counts: Counter[str] = Counter()
     delays: list[int] = []
     ages: list[tuple[float, int]] = []
+    ends = {} if link.acknowledged is None else _ends(graph, recording, link)
     for receiver in link.receivers:
         found = deliveries(graph, recording, link, receiver)
         arrived = {one.message.sequence for one in found}
         counts["delivered"] += len(arrived)
         counts["duplicated"] += len(found) - len(arrived)
         counts["overtaken"] += _overtaken(found)
-        way = Way(link.channel, receiver)
-        for message in messages:
-            counts[_fate(graph, link, way, message, final.get(message.sequence))] += 1
+        if link.acknowledged is None:
+            way = Way(link.channel, receiver)
+            counts.update(_fate(graph, link, way, message, final.get(message.sequence)) for message in messages)
+        else:
+            counts.update(_AT_THE_END[ends.get(n)] for n in known - arrived)
         first: dict[int, int] = {}
         for one in found:
             first[one.message.sequence] = min(one.tick - one.message.tick, first.get(one.message.sequence, one.tick))
@@ -112,12 +181,12 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
         if found:
             ages.append(_ages(found, graph.end_tick))
     sent = len(messages) * len(link.receivers)
-    accounted = sum(counts[name] for name in ("delivered", "lost", "dropped", "given_up", "under_way"))
+    accounted = sum(counts[name] for name in _CONSERVED)
     if accounted != sent:
         raise ProtocolError(
             f"link {link.name}",
             f"{sent} messages were sent to its receivers, and {accounted} are accounted for",
-            "sent = delivered + lost + dropped + given up + under way",
+            "sent = delivered + lost + dropped + given up + superseded + under way",
             "this is a fault of etac_ros: please report it with the bag",
         )
     late = seconds(np.array(sorted(delays), dtype=np.int64), graph.ticks_per_second)
@@ -131,6 +200,7 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
         lost=counts["lost"],
         dropped=counts["dropped"],
         given_up=counts["given_up"],
+        superseded=counts["superseded"],
         under_way=counts["under_way"],
         duplicated=counts["duplicated"],
         overtaken=counts["overtaken"],
@@ -140,6 +210,31 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
         most_delay_s=float(late[-1]) if late.size else None,
         mean_age_s=None if mean is None else mean / graph.ticks_per_second,
         peak_age_s=None if peak is None else peak / graph.ticks_per_second,
+        acknowledgement=None if link.acknowledged is None else _acknowledgement(graph, recording, link, ends),
+    )
+
+
+def _ends(graph: Graph, recording: Recording, link: Link) -> dict[int, End]:
+    """How the wait for the acknowledgement of each message ended, if it did before the run."""
+    return {
+        event.sequence: event.end
+        for event in conversation(graph, recording, link)
+        if isinstance(event, Ended) and landing_tick(event.at_ns, graph.ticks_per_second) < graph.end_tick
+    }
+
+
+def _acknowledgement(graph: Graph, recording: Recording, link: Link, ends: dict[int, End]) -> AcknowledgementAccount:
+    assert link.acknowledged is not None
+    on_air = [fate for fate in recording.air if fate.outcome in (Outcome.SENT, Outcome.GIVEN_UP)]
+    answers = [fate for fate in on_air if fate.link in link.acknowledged.by.values()]
+    lines = graph.media[link.medium].lines if link.medium else {}
+    own = link.acknowledged.frame_bytes
+    size = {line: lines[line].frame_bytes if lines else own for line in link.acknowledged.by.values()}
+    return AcknowledgementAccount(
+        acknowledged=sum(end is End.ACKNOWLEDGED for end in ends.values()),
+        retransmitted=sum(fate.link == link.name and fate.attempt > 1 for fate in on_air),
+        acknowledgements=len(answers),
+        acknowledgement_bytes=sum(size[fate.link] for fate in answers),
     )
 
 
@@ -193,6 +288,7 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
     fates = [fate for fate in recording.air if fate.link in lines]
     counts = Counter(fate.outcome for fate in fates)
     alone = [lines[fate.link] for fate in fates if fate.outcome is Outcome.SENT]
+    messages = [line for line in alone if not line.answers]
     collided = [fate for fate in fates if fate.outcome in (Outcome.COLLIDED, Outcome.GIVEN_UP)]
     end = nanoseconds(graph.end_tick, graph.ticks_per_second)
     on_air = [fate for fate in fates if fate.outcome is not Outcome.DROPPED and fate.start_ns < end]
@@ -201,19 +297,22 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
     for fate in on_air:
         busy[fate.start_ns] = max(busy.get(fate.start_ns, 0), min(fate.end_ns, end) - fate.start_ns)
     air_time = sum(busy.values())
-    drops = [fate.end_ns for fate in fates if fate.outcome is Outcome.DROPPED]
+    first = next((fate for fate in fates if fate.outcome is Outcome.DROPPED), None)
+    overflows = first is not None and graph.media[name].queue_full is not Full.REPLACE
     return MediumAccount(
         frames=len(alone) + len(collided),
         collided=len(collided),
         given_up=counts[Outcome.GIVEN_UP],
         dropped=counts[Outcome.DROPPED],
-        payload_bytes=sum(line.payload_bytes for line in alone),
-        overhead_bytes=sum(line.frame_bytes - line.payload_bytes for line in alone),
+        payload_bytes=sum(line.payload_bytes for line in messages),
+        overhead_bytes=sum(line.frame_bytes - line.payload_bytes for line in messages),
+        acknowledgement_bytes=sum(line.frame_bytes for line in alone if line.answers),
         collided_bytes=sum(lines[fate.link].frame_bytes for fate in collided),
         air_time_s=air_time / NANOSECONDS,
         utilisation=air_time / end,
         energy_j=None if powers is None else _energy(graph, on_air, powers, end),
-        overflow_s=min(drops) / NANOSECONDS if drops else None,
+        overflow_s=None if first is None else first.end_ns / NANOSECONDS,
+        overflow_of=lines[first.link].sender if first is not None and overflows else None,
     )
 
 
@@ -223,5 +322,7 @@ def _energy(graph: Graph, on_air: Sequence[Fate], powers_w: tuple[float, float],
     total = 0.0
     for fate in on_air:
         lasts = (min(fate.end_ns, end_ns) - fate.start_ns) / NANOSECONDS
-        total += lasts * (send + receive * len(graph.links[fate.link].receivers))
+        link, answers = link_and_place(fate.link)
+        listeners = 1 if answers else len(graph.links[link].receivers)
+        total += lasts * (send + receive * listeners)
     return total

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from etac_ros.metrics.accounts import LinkAccount, MediumAccount
+from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
 from etac_ros.metrics.verdict import GOOD, Spread, Verdict
 from etac_ros.tables.numbers import band, bracketed, optional, type_words
@@ -41,13 +41,17 @@ def watched_name(watched: Watched) -> str:
 
 
 LINK_ACCOUNT = (
-    "sent", "delivered", "lost", "dropped", "given up", "under way", "twice", "overtaken", "delay [s]", "99 %", "most",
-    "age [s]", "peak",
+    "sent", "delivered", "lost", "dropped", "given up", "superseded", "under way", "twice", "overtaken", "delay [s]",
+    "99 %", "most", "age [s]", "peak",
 )  # fmt: skip
 """Of a link that is not ideal, each message counted for each receiver; the first delay is the median."""
+ACKNOWLEDGEMENT_ACCOUNT = ("messages acknowledged", "frames sent again", "acknowledgements", "their bytes")
+"""Of a link that is acknowledged."""
+HOLD_ACCOUNT = ("time to live [s]", "expired", "safe for [s]")
+"""Of a zero-order hold with a time to live."""
 MEDIUM_ACCOUNT = (
-    "frames", "collided", "given up", "dropped", "payload", "overhead", "collided bytes", "air time [s]", "used",
-    "energy [J]", "first drop [s]",
+    "frames", "collided", "given up", "dropped", "payload", "overhead", "acknowledging", "collided bytes",
+    "air time [s]", "used", "energy [J]", "first drop [s]",
 )  # fmt: skip
 """Of a shared medium."""
 
@@ -55,8 +59,8 @@ MEDIUM_ACCOUNT = (
 def link_account_cells(account: LinkAccount) -> tuple[str, ...]:
     """In the order of ``LINK_ACCOUNT``."""
     counts = (
-        account.sent, account.delivered, account.lost, account.dropped, account.given_up, account.under_way,
-        account.duplicated, account.overtaken,
+        account.sent, account.delivered, account.lost, account.dropped, account.given_up, account.superseded,
+        account.under_way, account.duplicated, account.overtaken,
     )  # fmt: skip
     times = (
         account.median_delay_s, account.p99_delay_s, account.most_delay_s, account.mean_age_s, account.peak_age_s,
@@ -64,11 +68,24 @@ def link_account_cells(account: LinkAccount) -> tuple[str, ...]:
     return (*(f"{count:,}" for count in counts), *(optional(time, ".3g") for time in times))
 
 
+def acknowledgement_account_cells(account: AcknowledgementAccount) -> tuple[str, ...]:
+    """In the order of ``ACKNOWLEDGEMENT_ACCOUNT``."""
+    counts = (
+        account.acknowledged, account.retransmitted, account.acknowledgements, account.acknowledgement_bytes,
+    )  # fmt: skip
+    return tuple(f"{count:,}" for count in counts)
+
+
+def hold_account_cells(account: HoldAccount) -> tuple[str, ...]:
+    """In the order of ``HOLD_ACCOUNT``."""
+    return f"{account.time_to_live_s:g}", f"{account.expired:,}", f"{account.safe_s:.6g}"
+
+
 def medium_account_cells(account: MediumAccount) -> tuple[str, ...]:
     """In the order of ``MEDIUM_ACCOUNT``."""
     counts = (
         account.frames, account.collided, account.given_up, account.dropped, account.payload_bytes,
-        account.overhead_bytes, account.collided_bytes,
+        account.overhead_bytes, account.acknowledgement_bytes, account.collided_bytes,
     )  # fmt: skip
     used = f"{100.0 * account.utilisation:.3g} %"
     last = (optional(account.energy_j, ".4g"), optional(account.overflow_s, ".6g"))

@@ -129,7 +129,12 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
 
 
 def margins(graph: Graph, found: Decisions, name: str) -> Margins | None:
-    """What a trigger rule compared; None where it goes by time, and compares nothing."""
+    """What a trigger rule compared; None where it goes by time, and compares nothing.
+
+    Also None where it compares with what was acknowledged: what is held here is what was sent.
+    """
+    if name in graph.told:
+        return None
     rule = graph.modules[name].trigger  # type: ignore[attr-defined]  # it is Triggering: there are decisions of it
     end = found.first + found.rows.shape[0]
     parts = []

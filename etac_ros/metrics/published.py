@@ -35,7 +35,9 @@ SIGNAL = "signal"
 HOLD_ERROR = "hold error"
 
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
-_BEARS_NOT = frozenset({"published", "title", "baseline", "compare", "windows", "dispersion", "tradeoff"})
+_BEARS_NOT = frozenset(
+    {"published", "title", "baseline", "compare", "windows", "state_rate_hz", "dispersion", "tradeoff"}
+)
 """Keys of a scenario that change nothing of what is run."""
 
 

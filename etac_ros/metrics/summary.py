@@ -12,12 +12,21 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from etac_ros.graph.graph import Graph, LinkKind
+from etac_ros.capture.account import WireAccount
+from etac_ros.capture.model import data_frames
+from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
 from etac_ros.maths.ticks import seconds
-from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts
+from etac_ros.metrics.accounts import (
+    HoldAccount,
+    LinkAccount,
+    MediumAccount,
+    hold_accounts,
+    link_accounts,
+    medium_accounts,
+)
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.latency import RealTimeAccount, real_time_account
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
@@ -64,6 +73,11 @@ class Topic(Totals):
 
     kind: Kind
     type: str
+    model_wire_bytes: int | None = Field(
+        default=None,
+        description="of a link: a model of its data in Ethernet frames to its receivers, each in a process of its own; "
+        "with heartbeats and acknowledgements it is more, which the captured account has",
+    )
     first_s: float | None = Field(description="simulated time of the first message; null if unknown or none")
     last_s: float | None
 
@@ -159,9 +173,11 @@ class Summary(_Model):
         default={}, description="what became of the messages of each link that is not ideal, on the emulated air"
     )
     media: dict[str, MediumAccount] = Field(default={}, description="what each shared medium carried")
+    holds: dict[str, HoldAccount] = Field(default={}, description="zero-order holds with a time to live, by node")
     network: Totals
     internal: Totals
     emulation: Totals
+    wire: WireAccount | None = Field(default=None, description="what was captured; null where nothing was")
     final_state: dict[str, list[float]] = Field(description="by plant; the digits restore the very bits")
     performance: dict[str, Performance] = Field(description="by plant")
     watches: dict[str, list[Watched]] = Field(description="by node: what is watched, with bounds where it has to stay")
@@ -214,6 +230,7 @@ def summarise(
     measured_cdr: Mapping[str, int] | None = None,
     memory_kib: Mapping[str, int] | None = None,
     strangers: Mapping[str, int] | None = None,
+    wire: WireAccount | None = None,
     halted: str = "",
     bag: str | None = None,
     stepped_s: float = 0.0,
@@ -226,7 +243,7 @@ def summarise(
         What was run.
     recording
         What came of it.
-    engine, timing, memory_kib, strangers, halted, bag
+    engine, timing, memory_kib, strangers, wire, halted, bag
         Taken over.
     plane
         Topics of the emulation plane: type, messages, CDR bytes.
@@ -258,9 +275,11 @@ def summarise(
         topics=topics,
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
+        holds=hold_accounts(graph, recording),
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),
+        wire=wire,
         final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
         performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
         watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
@@ -462,10 +481,16 @@ def _link_topics(graph: Graph, recording: Recording, measured_cdr: Mapping[str, 
             deliveries=sum(len(deliveries(graph, recording, link, receiver)) for receiver in link.receivers),
             payload_bytes=0 if physical else len(messages) * link.wire.payload_bytes,
             cdr_bytes=computed if measured_cdr is None else measured_cdr.get(link.topic, 0),
+            model_wire_bytes=None if physical else len(messages) * _wire_bytes(link),
             first_s=min(times, default=None),
             last_s=max(times, default=None),
         )
     return topics
+
+
+def _wire_bytes(link: Link) -> int:
+    """One message of a link on Ethernet, beside a recorder that gets it, too."""
+    return data_frames(link.wire.cdr_bytes, link.wire.payload_bytes, len(link.receivers), others=1).total_bytes
 
 
 def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:

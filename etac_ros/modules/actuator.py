@@ -7,8 +7,9 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, FiniteFloat, PositiveFloat, PositiveInt, model_validator
 
-from etac_ros.graph.module import Arrivals, Context, Module, Outputs
+from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.graph.role import Acts, Role
+from etac_ros.maths.ticks import whole_ticks
 from etac_ros.parameters import FloatArray, Parameters, vector
 
 
@@ -28,11 +29,20 @@ class ActuatorParameters(Parameters):
         description="what each does to the plant's input: a row a component of the input, a column a wheel",
     )
 
+    time_to_live_s: PositiveFloat | None = Field(
+        default=None, description="without a command for longer than this, the safe one is applied; default: for ever"
+    )
+    safe_command: tuple[FiniteFloat, ...] | None = Field(
+        default=None, description="what is applied then, until the next command; default: zero"
+    )
+
     @model_validator(mode="after")
     def _fits(self) -> Self:
         if self.limit_nm is not None and self.limits is not None:
             raise ValueError("one of limit_nm (the same for all) and limits (one for each)")
-        for name in ("limits", "effectiveness"):
+        if self.safe_command is not None and self.time_to_live_s is None:
+            raise ValueError("safe_command is applied when a command has outlived its time: say time_to_live_s, too")
+        for name in ("limits", "effectiveness", "safe_command"):
             values = getattr(self, name)
             if values is not None and len(values) != self.size:
                 raise ValueError(f"{self.size} numbers in {name}, one for each of 'size'; found {len(values)}")
@@ -45,6 +55,9 @@ class Actuator(Module):
     """Applies the newest command until the next one arrives.
 
     Each component is limited, then reduced to its effectiveness; then ``axes`` turns it into the plant's input.
+
+    With a time to live the hold ends by itself: at the first tick at which the newest command is older than that, the
+    safe command takes its place. A command that arrives at the last tick of the time is in time.
 
     Parameters
     ----------
@@ -66,13 +79,36 @@ class Actuator(Module):
         self._limit: float | FloatArray = np.inf if parameters.limit_nm is None else parameters.limit_nm
         if parameters.limits is not None:
             self._limit = vector(parameters.limits)
+        if parameters.time_to_live_s is not None:
+            self.role = Role()
+            try:
+                self.hold_ticks = whole_ticks(parameters.time_to_live_s, context.ticks_per_second)
+            except ValueError as error:
+                raise ValueError(f"time_to_live_s: {error}") from None
+        self._safe: FloatArray = np.zeros(size) if parameters.safe_command is None else vector(parameters.safe_command)
+        self._expires: int | None = None
         self._effectiveness = None if parameters.effectiveness is None else vector(parameters.effectiveness)
+
+    def scan(self, window: Window | None, after: int) -> int | None:
+        """The tick at which the newest command has outlived its time."""
+        return None if self._expires is None or self._expires <= after else self._expires
+
+    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
+        """Let go of a command that is too old."""
+        self._expires = None
+        return {"torque": self._torque(self._safe)}
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """The input held from now on, a torque [N m] for instance."""
-        torque = np.minimum(np.maximum(arrivals[-1].value, -self._limit), self._limit)
+        if self.hold_ticks is not None:
+            assert tick is not None  # it acts by itself, so it is told
+            self._expires = tick + self.hold_ticks + 1
+        return {"torque": self._torque(arrivals[-1].value)}
+
+    def _torque(self, command: FloatArray) -> FloatArray:
+        torque: FloatArray = np.minimum(np.maximum(command, -self._limit), self._limit)
         if self._effectiveness is not None:
             torque = self._effectiveness * torque
         if self._axes is not None:
             torque = np.einsum("ij,j->i", self._axes, torque)
-        return {"torque": torque}
+        return torque

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from pydantic import Field, NonNegativeInt
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, first_broken
+from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import TickArray
 from etac_ros.modules.hold import Hold
@@ -106,6 +106,7 @@ class FormationSensor(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a formation's sensor needs a plant, named by the key 'reads'")
+        check_state_size(signal, context.plant)
         if len(parameters.neighbours) != signal.neighbours:
             raise ValueError(
                 f"the signal has weights for {signal.neighbours} neighbours, and {len(parameters.neighbours)} are named"

@@ -2,6 +2,9 @@
 
 Two words that are easily mixed up: the *last-sent value* is what the trigger rule compares with, and is kept here; the
 *ZOH input* is what the plant holds (:mod:`etac_ros.graph.held`), behind channel, law and actuator.
+
+Where the messages of its port are acknowledged, the rule compares with the value that was acknowledged last; while an
+acknowledgement is waited for, it is not asked.
 """
 
 from __future__ import annotations
@@ -35,6 +38,8 @@ class Hold:
         self.sent_tick: int | None = None
         """When it was sent."""
         self._wire = module.wire(port)
+        self._awaits = not module.context.acknowledged.isdisjoint((port, ""))
+        self._under_way: tuple[FloatArray, int] | None = None
         # The times around a rule are ours; it is the rule that gives its word.
         self._rule = Component(module.context.name, rule, getattr(rule, "rule", rule))
         self._memory: FloatArray | None = None
@@ -58,7 +63,7 @@ class Hold:
             What the rule watches, contiguous, shape (n, size), for ``tick, tick + 1, ...``. Of a rule with memory they
             begin with the tick after the last that :meth:`advance` was told of.
         """
-        if not len(rows):
+        if not len(rows) or self._under_way is not None:
             return None
         if self.sent is None:
             return tick  # the first sample always is sent
@@ -104,11 +109,30 @@ class Hold:
             The value as it comes off the wire.
         """
         rounded = self._wire.rounded(value)
-        self.sent, self.sent_tick = rounded if compared is None else compared, tick
+        taken = rounded if compared is None else compared
+        if self._awaits:
+            self._under_way = taken, tick
+        else:
+            self._hold(taken, tick, tick)
+        return rounded
+
+    def settle(self, tick: int, acknowledged: bool) -> None:
+        """Take note at a tick that what was sent last is held by the other side, or that it was given up.
+
+        In both cases the rule is asked again, about the samples behind this tick.
+        """
+        assert self._under_way is not None
+        value, sent_tick = self._under_way
+        self._under_way = None
+        if acknowledged:
+            self._hold(value, sent_tick, tick)
+
+    def _hold(self, value: FloatArray, sent_tick: int, tick: int) -> None:
+        """Compare with a value from a tick on; a memory is folded over the sample of that tick with it."""
+        self.sent, self.sent_tick = value, sent_tick
         if self._before is not None and self._before[0] == tick:
             _, row, before = self._before
             self._memory = self._fold(row, tick, before)[1][-1].copy()
-        return rounded
 
     def _index(self, count: int, rows: FloatArray, tick: int) -> int:
         found = self._rule.call("first", rows, tick, self.sent, self.sent_tick)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, first_broken, shown
+from etac_ros.graph.promises import Component, check_state_size, first_broken, shown
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import LawOfEvents, LawWithMemory
 from etac_ros.modules.hold import Hold
@@ -80,10 +80,13 @@ class SensingController(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensing controller needs a plant, named by the key 'reads'")
+        check_state_size(law, context.plant)
         self.outputs = {"command": law.command_size}
         self.law = law
         self.trigger = trigger
         self._component = Component(context.name, law)
+        # What events do to such a law is replayed from its samples alone, so they must not wait for the network.
+        self.hears_acknowledgements = not isinstance(law, LawOfEvents)
         self.hold = Hold(self, "command", trigger)
         memory = law.initial_memory(context.plant.initial_state())
         self._committed = _Committed(-1, np.zeros(law.command_size), memory)
@@ -136,6 +139,10 @@ class SensingController(Module):
             self._committed = replace(committed, memory=memory)
             self._ahead = None  # what was seen ahead followed from the memory before
         return {"command": sent}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     @property
     def watched_label(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, first_broken
+from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
@@ -75,6 +75,7 @@ class Sensor(Module):
     Parameters = SensorParameters
     components = ("signal", "trigger")
     role = Role(triggers="signal")
+    hears_acknowledgements = True
 
     def __init__(self, context: Context, parameters: SensorParameters, signal: Signal, trigger: AnyRule) -> None:
         super().__init__(context)
@@ -103,6 +104,7 @@ class Sensor(Module):
                 f"the plant's sensors draw {noise_width_of(context.plant)}"
             )
         self._sigmas = np.tile(sigmas, bodies)
+        check_state_size(signal, context.plant)
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
         self._memory: tuple[int, FloatArray, FloatArray] | None = None
@@ -142,6 +144,10 @@ class Sensor(Module):
                 found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
                 raise self._component.broken(method, found, "finite numbers")
         return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     @property
     def watched_label(self) -> str:

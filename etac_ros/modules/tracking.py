@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component
+from etac_ros.graph.promises import Component, check_state_size
 from etac_ros.graph.role import Acts, Role
 from etac_ros.laws.law import RelativeSignal, TickArray, WatchedLaw
 from etac_ros.modules.hold import Hold
@@ -61,6 +61,7 @@ class RelativeSensor(Module):
     Parameters = RelativeSensorParameters
     components = ("measurement", "law", "trigger")
     role = Role(Acts.ON_ARRIVAL, triggers="signal")
+    hears_acknowledgements = True
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
@@ -75,6 +76,12 @@ class RelativeSensor(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a relative sensor needs a plant to read")
+        check_state_size(measurement, context.plant)
+        if law.signal_size != measurement.size:
+            raise ValueError(
+                f"{type(law).__name__} takes {law.signal_size} components, "
+                f"and {type(measurement).__name__} has {measurement.size}"
+            )
         self.measurement = measurement
         self.law = law
         self.trigger = trigger
@@ -100,6 +107,10 @@ class RelativeSensor(Module):
         # The rule compares with what the follower makes of it: the law on what comes off the wire.
         sent = self.wire("signal").rounded(measured[0])
         return {"signal": self.hold.send(sent, tick, compared=self.held_by(sent, tick))}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown of each sample with the leader's torque of the same tick."""
@@ -137,6 +148,7 @@ class TriggeredController(Module):
 
     components = ("law", "trigger")
     role = Role(Acts.ON_ARRIVAL, triggers="command")
+    hears_acknowledgements = True
     watched_label = _TORQUE
     watched_unit = _TORQUE_UNIT
 
@@ -156,6 +168,10 @@ class TriggeredController(Module):
         if not self.hold.decides(watched, tick):
             return {}
         return {"command": self.hold.send(watched[0, : self._law.command_size], tick)}
+
+    def settle(self, port: str, tick: int, acknowledged: bool) -> None:
+        """Go by what was acknowledged."""
+        self.hold.settle(tick, acknowledged)
 
     def watched(self, window: Window | None, heard: Heard) -> FloatArray | None:
         """What the trigger rule is shown at each tick, if something arrives at each."""

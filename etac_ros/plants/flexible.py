@@ -50,6 +50,7 @@ from etac_ros.maths.mrp import (
     mrp_rate,
     mrp_rotation_angle,
     mrp_to_euler_321,
+    mrp_to_quaternion,
     switch_shadow,
 )
 from etac_ros.maths.rk4 import propagator
@@ -378,6 +379,10 @@ class Flexible:
             return result
 
         return {"overall disturbance": disturbance, "overall disturbance as acceleration": acceleration}
+
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return mrp_to_quaternion(states[:, ATTITUDE])
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad], shape (n, 3)."""

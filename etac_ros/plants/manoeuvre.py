@@ -154,6 +154,10 @@ class Manoeuvre:
             ),
         )
 
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return states[:, ATTITUDE]
+
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad] from the desired attitude, shape (n, 3)."""
         return to_euler_321(states[:, ATTITUDE])

@@ -145,6 +145,10 @@ def driven_of(plant: Plant, states: FloatArray, tick: int) -> Mapping[str, Calla
     return {} if driven is None else dict(driven(states, tick))
 
 
+REFERENCE = "reference"
+"""What the frame is called relative to which an attitude is meant, unless a body says otherwise."""
+
+
 @dataclass(frozen=True)
 class Body:
     """One body of a plant, as reports show it.
@@ -157,11 +161,24 @@ class Body:
         Of states, as 3-2-1 Euler angles [rad], shape (n, 3).
     rates
         Of states, angular velocity error [rad/s], shape (n, 3).
+    quaternions
+        Of states, the attitude as unit quaternions ``q_BN``, scalar first, shape (n, 4); None where only Euler angles
+        say it.
+    frame
+        What its body frame is called in recordings; empty where the plant is one body, whose frame has its name.
+    parent
+        The frame relative to which its attitude is meant: that of another body, or what the reference is called.
+    port
+        The plant's input port whose torque turns it, in its frame; empty for the first.
     """
 
     name: str
     euler_angles: Callable[[FloatArray], FloatArray]
     rates: Callable[[FloatArray], FloatArray]
+    quaternions: Callable[[FloatArray], FloatArray] | None = None
+    frame: str = ""
+    parent: str = REFERENCE
+    port: str = ""
 
 
 def bodies_of(plant: Plant) -> tuple[Body, ...]:
@@ -171,4 +188,5 @@ def bodies_of(plant: Plant) -> tuple[Body, ...]:
         return tuple(bodies())
     if not has_attitude(plant):
         return ()
-    return (Body("", plant.euler_angles, lambda states: states[:, plant.rate_slice]),)
+    quaternions = getattr(plant, "quaternions", None)
+    return (Body("", plant.euler_angles, lambda states: states[:, plant.rate_slice], quaternions),)

@@ -456,8 +456,24 @@ class PmSm:
     def bodies(self) -> tuple[Body, ...]:
         """The SM relative to the PM, and the PM relative to its orbital frame."""
         return (
-            Body("SM to PM", self.euler_angles, lambda states: states[:, RELATIVE_RATE]),
-            Body("PM to orbit", lambda states: to_euler_321(states[:, PM_ATTITUDE]), lambda states: states[:, PM_RATE]),
+            Body(
+                "SM to PM",
+                self.euler_angles,
+                lambda states: states[:, RELATIVE_RATE],
+                lambda states: states[:, RELATIVE_ATTITUDE],
+                frame="sm",
+                parent="pm",
+                port="torque_sm",
+            ),
+            Body(
+                "PM to orbit",
+                lambda states: to_euler_321(states[:, PM_ATTITUDE]),
+                lambda states: states[:, PM_RATE],
+                lambda states: states[:, PM_ATTITUDE],
+                frame="pm",
+                parent="orbit",
+                port="torque_pm",
+            ),
         )
 
     def watches(self, states: FloatArray) -> tuple[Watch, ...]:

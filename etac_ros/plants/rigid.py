@@ -29,6 +29,8 @@ from etac_ros.parameters import (
 )
 from etac_ros.plants.start import Rotation, note_on_start, start_attitude, start_of_euler_321
 
+STATES = 7
+
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE, _CONSTANT, _SINE, _COSINE, _FREQUENCY = 0, 9, 18, 21, 24, 27
 
@@ -154,6 +156,10 @@ class RigidBody:
         seen[:, 0:4] = perturbed_attitudes(states[:, 0:4], errors[:, 0:3])
         seen[:, 4:7] = states[:, 4:7] + errors[:, 3:6]
         return seen
+
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return states[:, 0:4]
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad], shape (n, 3)."""

@@ -21,6 +21,7 @@ from etac_ros.maths.mrp import (
     mrp_rate,
     mrp_rotation_angle,
     mrp_to_euler_321,
+    mrp_to_quaternion,
     omega_of_mrp_rate,
     switch_shadow,
 )
@@ -29,6 +30,8 @@ from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import FloatArray, Inertia, Parameters, Vector3, square, vector
 from etac_ros.plants.mrp_reference import MrpReference, mrp_reference
+
+STATES = 6
 
 # Layout of the kernel's parameter vector.
 _J, _J_INVERSE = 0, 9
@@ -176,6 +179,10 @@ class RigidMrp:
         """
         result: FloatArray = _errors(np.ascontiguousarray(states), tick, self._reference, self._ticks_per_second)
         return result
+
+    def quaternions(self, states: FloatArray) -> FloatArray:
+        """Attitude as unit quaternions, scalar first, shape (n, 4)."""
+        return mrp_to_quaternion(states[:, self.attitude_slice])
 
     def euler_angles(self, states: FloatArray) -> FloatArray:
         """3-2-1 Euler angles ``[roll, pitch, yaw]`` [rad] of states or of :meth:`errors`, shape (n, 3)."""

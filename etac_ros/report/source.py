@@ -15,6 +15,7 @@ from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, RunDescription, fro
 from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.run_metadata import RECOVERED
 from etac_ros.bag.stand_ins import stand_in_graph
+from etac_ros.capture.kept import read_from_bag
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
@@ -161,9 +162,10 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         plane={
             topic.name: (topic.type_name, count.messages, count.cdr_bytes)
             for topic, count in found.topics.items()
-            if topic.link is None and topic.derived is None
+            if topic.kind == "emulation"
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
+        wire=read_from_bag(bag),
     )
     return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from etac_ros.metrics.cells import (
+    ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
     MEDIUM_ACCOUNT,
     PERFORMANCE,
     WATCHED,
+    acknowledgement_account_cells,
+    hold_account_cells,
     link_account_cells,
     medium_account_cells,
     paper_cells,
@@ -23,6 +28,7 @@ from etac_ros.metrics.cells import (
 from etac_ros.metrics.figures import FigureKey, stands_alone
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import PublishedValue, Topic, Totals, with_measured
+from etac_ros.metrics.wire import wire_table
 from etac_ros.report.figures.style import symbols
 from etac_ros.report.source import ReportedRun, plants_apart
 from etac_ros.report.view import View
@@ -146,16 +152,50 @@ def link_table(view: View) -> Table | None:
     )
 
 
+def acknowledgement_table(view: View) -> Table | None:
+    """What was sent again and acknowledged; None if nothing is acknowledged."""
+    found: list[_Cells] = [
+        {
+            name: acknowledgement_account_cells(account.acknowledgement)
+            for name, account in run.summary.links.items()
+            if account.acknowledgement is not None
+        }
+        for run in view.runs
+    ]
+    notes = ("A frame that was sent again counts once, however many receive it.",)
+    return (
+        _of_runs("What was acknowledged", "link", ACKNOWLEDGEMENT_ACCOUNT, view, found, notes) if any(found) else None
+    )
+
+
+def wire_tables(view: View) -> list[Table]:
+    """What was captured of each run; none where nothing was."""
+    found = []
+    for label, run in zip(view.labels, view.runs, strict=True):
+        if run.summary.wire is not None:
+            table = wire_table(run.summary.wire, {name: topic.kind for name, topic in run.summary.topics.items()})
+            found.append(replace(table, title=f"On the wire, {label}") if view.overlaid else table)
+    return found
+
+
 def medium_table(view: View) -> Table | None:
     """What shared media carried; None if there are none."""
     found: list[_Cells] = [
         {name: medium_account_cells(account) for name, account in run.summary.media.items()} for run in view.runs
     ]
     notes = (
-        "The emulated air: over DDS each message crosses once, whatever becomes of it here. Payload and overhead "
-        "[bytes] are those of frames that were alone on the air.",
+        "The emulated air: over DDS each message crosses once, whatever becomes of it here. Payload, overhead and "
+        "acknowledging frames [bytes] are those of frames that were alone on the air.",
     )
     return _of_runs("What was on the air", "medium", MEDIUM_ACCOUNT, view, found, notes) if any(found) else None
+
+
+def hold_table(view: View) -> Table | None:
+    """Which holds expired; None if none has a time to live."""
+    found: list[_Cells] = [
+        {name: hold_account_cells(account) for name, account in run.summary.holds.items()} for run in view.runs
+    ]
+    return _of_runs("Holds with a time to live", "node", HOLD_ACCOUNT, view, found) if any(found) else None
 
 
 def trigger_table(view: View) -> Table | None:

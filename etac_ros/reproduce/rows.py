@@ -9,6 +9,7 @@ from pathlib import Path
 from etac_ros.metrics.figures import FigureKey, label
 from etac_ros.metrics.summary import PublishedValue, Summary, published_values, with_measured
 from etac_ros.metrics.verdict import Judgement, Verdict
+from etac_ros.reproduce.kept import Kept
 from etac_ros.reproduce.variants import title_of
 from etac_ros.runs import RosOptions, baseline_summary, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario
@@ -56,7 +57,14 @@ class Row:
         return self.judgement.verdict
 
 
-def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say, baselines: Baselines | None = None) -> list[Row]:
+def rows_of(
+    scenario: Scenario,
+    engine: str,
+    folder: Path,
+    say: Say,
+    baselines: Baselines | None = None,
+    kept: Kept | None = None,
+) -> list[Row]:
     """Measure a variant and judge its published figures.
 
     Parameters
@@ -71,9 +79,15 @@ def rows_of(scenario: Scenario, engine: str, folder: Path, say: Say, baselines: 
         Told what is being done.
     baselines
         Those that were run before, by digest: many variants share one. Added to.
+    kept
+        What was measured before an interruption. Added to.
     """
-    say(f"{title_of(scenario)}: one run over {engine}")
-    measured = _measured(scenario, engine, folder, {} if baselines is None else baselines).figures
+    measured = None if kept is None else kept.of(scenario)
+    if measured is None:
+        say(f"{title_of(scenario)}: one run over {engine}")
+        measured = _measured(scenario, engine, folder, {} if baselines is None else baselines).figures
+        if kept is not None:
+            kept.add(scenario, measured)
     graph = scenario.build()
     return [
         _row(scenario, figure, measured.get(key), len(graph.plants) > 1)

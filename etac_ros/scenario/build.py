@@ -10,15 +10,16 @@ from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.channel import Channel
-from etac_ros.graph.graph import Graph, Link, LinkKind
+from etac_ros.graph.graph import Graph, Link, LinkKind, Qos
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
-from etac_ros.graph.topics import EMULATION
+from etac_ros.graph.topics import EMULATION, STATE, is_taken
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.maths.ticks import ticks_in, whole_ticks
 from etac_ros.modules.actuator import Actuator
 from etac_ros.modules.controller import Controller
 from etac_ros.modules.sensor import Sensor
+from etac_ros.scenario.acknowledged import acknowledgement, check_timeout, tells
 from etac_ros.scenario.classes import (
     Interface,
     check_methods,
@@ -141,7 +142,11 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     ]
     for name in dict.fromkeys([*plants, *nodes]):
         incoming = tuple(link for link, (_, receivers) in ends.items() if any(node == name for node, _ in receivers))
-        modules[name] = _module(name, run, nodes, modules, formats[name], incoming, f"{file}: {name}")
+        given = (name, run, nodes, modules, formats[name], incoming)
+        modules[name] = _module(*given, frozenset(), f"{file}: {name}")
+        told = _told(name, run, ends, modules[name], file)
+        if told:  # whether it can be told, only the module itself could tell
+            modules[name] = _module(*given, told, f"{file}: {name}")
     modules = {name: modules[name] for name in nodes}
     links = {
         name: _link(name, section, run, ends[name], modules, _link_key(file, name))
@@ -150,6 +155,10 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
     external = frozenset(name for name, section in nodes.items() if section.get("external"))
     reads = {name: section["reads"] for name, section in nodes.items() if "reads" in section}
     media = media_of(run, links, file)
+    for name, link in links.items():
+        if link.acknowledged is not None:
+            where = f"{_link_key(file, name)}.acknowledged"
+            check_timeout(link.acknowledged, link.channel, media.get(link.medium), run.ticks_per_second, where)
     graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media)
     _check(graph, file)
     return graph
@@ -166,6 +175,7 @@ def _module(
     built: Mapping[str, Module],
     formats: Mapping[str, WireFormat],
     incoming: tuple[str, ...],
+    acknowledged: frozenset[str],
     where: str,
 ) -> Module:
     section = dict(nodes[name])
@@ -186,10 +196,36 @@ def _module(
         wanted = interface(kind, part)
         parameters = validated(parameters_of(named, wanted), values, f"{where}.{part}")
         components[part] = component(named, wanted, parameters, run.ticks_per_second, f"{where}.{part}")
-    context = Context(name, run.ticks_per_second, run.seed, plant, formats, incoming)
+    context = Context(name, run.ticks_per_second, run.seed, plant, formats, incoming, acknowledged)
     module: Module = made(kind, where, context, validated(kind.Parameters, section, where), **components)
     check_module(module, where)
     return module
+
+
+def _told(
+    name: str,
+    run: RunSection,
+    ends: Mapping[str, tuple[tuple[str, str], list[tuple[str, str]]]],
+    module: Module,
+    file: str,
+) -> frozenset[str]:
+    """Ports of a module of whose messages it is told whether they were acknowledged."""
+    found: dict[str, str] = {}
+    for link, section in run.links.items():
+        node, wanted = ends[link][0]
+        if node != name or section.acknowledged is None:
+            continue
+        port = _port(wanted, module.outputs, f"{_link_key(file, link)}.from", f"output of {name}")
+        if not tells(section, module, port, _link_key(file, link)):
+            continue
+        if port in found:
+            raise ScenarioError(
+                f"{_link_key(file, link)}.acknowledged.compares_with",
+                f"the port '{port}' of {name} has another acknowledged link, {found[port]}",
+                "compares_with: sent in all of them but one",
+            )
+        found[port] = link
+    return frozenset(found)
 
 
 def _ends(
@@ -236,6 +272,11 @@ def _link(
     topic = section.topic or f"{namespace}{sender.rpartition('/')[0]}/{name}"
     if not _TOPIC.fullmatch(topic):
         raise ScenarioError(f"{where}.topic", f"'{topic}' is no ROS topic", "letters, digits and _ between /")
+    if is_taken(topic):
+        found = f"{topic} is where a bag shows the state of bodies"
+        raise ScenarioError(
+            f"{where}.topic", found, f"a topic that is not below {STATE}, and neither /tf nor /tf_static"
+        )
     try:
         wire = Wire(_format(section, run), size)
     except ValueError as error:
@@ -254,7 +295,14 @@ def _link(
     )
     if section.medium is not None and section.kind is LinkKind.PHYSICAL:
         raise ScenarioError(f"{where}.medium", "a physical link carries light or torque, no frames", "no key 'medium'")
-    return Link(name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "")
+    acknowledged = None
+    if section.acknowledged is not None:
+        told = port in modules[sender].context.acknowledged and tells(section, modules[sender], port, where)
+        acknowledged = acknowledgement(name, section.acknowledged, list(receivers), told, f"{where}.acknowledged")
+    qos = Qos(section.reliability, section.history)
+    return Link(
+        name, topic, section.kind, sender, port, receivers, wire, channel, section.medium or "", acknowledged, qos
+    )
 
 
 def _delay_ticks(section: LinkSection, ticks_per_second: int) -> float:

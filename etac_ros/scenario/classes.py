@@ -17,6 +17,7 @@ from etac_ros.errors import EtacError, ScenarioError
 from etac_ros.graph.module import Module
 from etac_ros.graph.promises import failed_in_etac_ros, failure, users_traceback
 from etac_ros.graph.role import Role
+from etac_ros.maths.compiled import tell_numba
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
 from etac_ros.scenario.trust import is_own, may_import
@@ -47,6 +48,7 @@ def import_class(path: str, where: str) -> type:
         raise ForeignClassError(where, f"'{path}' is no class of etac_ros", "", "import it only if you trust it")
     try:
         module = importlib.import_module(module_name)
+        tell_numba()
     except (Exception, SystemExit) as error:  # a user's module can fail in any way at import
         missing = isinstance(error, ImportError)
         raise ScenarioError(

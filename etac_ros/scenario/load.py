@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,14 +18,25 @@ from etac_ros.maths.ticks import whole_ticks
 from etac_ros.plants.plant import notes_of
 from etac_ros.scenario.build import build, node_parameters, rounded_delays
 from etac_ros.scenario.classes import validated
-from etac_ros.scenario.document import EVERYWHERE, FORMATION, nearest, read_sections, variants_of, write_sections
+from etac_ros.scenario.document import EVERYWHERE, FORMATION, read_sections, variants_of, write_sections
 from etac_ros.scenario.faults import field_names
+from etac_ros.scenario.places import find
 from etac_ros.scenario.precedence import Laid, Layers, as_assignment, laid
 from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
-_BEARS_NOT = {"published", "title", "baseline", "compare", "windows", "variant", "dispersion", "tradeoff"}
+_BEARS_NOT = {
+    "published",
+    "title",
+    "baseline",
+    "compare",
+    "windows",
+    "state_rate_hz",
+    "variant",
+    "dispersion",
+    "tradeoff",
+}
 """Keys of the run that bear on no result."""
 _NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
@@ -168,41 +177,6 @@ def _notes_of_plants(graph: Graph) -> Iterator[str]:
         assert isinstance(module, PlantModule)
         for note in notes_of(module.plant):
             yield f"{name}: {note}"
-
-
-def find(name: str) -> Path:
-    """The file of a scenario, by name or by path.
-
-    Raises
-    ------
-    ScenarioError
-        If there is none; the message names the nearest that exists.
-    """
-    given = Path(name)
-    if given.suffix in (".yaml", ".yml") or len(given.parts) > 1:  # `ros2 launch` gives its files no ending
-        return given  # whoever reads it says what is wrong with it
-    folders = config_folders()
-    for folder in folders:
-        path = folder / f"{name}.yaml"
-        if path.is_file():
-            return path
-    known = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    best = nearest(name, known)
-    expected = f"'{best}'? (there are: {', '.join(known)})" if best else f"one of: {', '.join(known)}"
-    raise ScenarioError(f"scenario '{name}'", "there is none of this name", expected, "or give a path to a .yaml")
-
-
-def config_folders() -> list[Path]:
-    """Where scenario files stand: beside the package in a checkout, or in a share folder once installed."""
-    checkout = Path(__file__).resolve().parents[2] / "config"
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    shares = [Path(prefix) / "share" / "etac_ros" / "config" for prefix in prefixes if prefix]
-    return [folder for folder in [checkout, *dict.fromkeys(shares)] if folder.is_dir()]
-
-
-def available() -> list[str]:
-    """Names of the scenarios that are shipped."""
-    return sorted({path.stem for folder in config_folders() for path in folder.glob("*.yaml")})
 
 
 def load(name: str, variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:

@@ -30,7 +30,8 @@ def media_of(run: RunSection, links: Mapping[str, Link], file: str) -> dict[str,
     for name, link in links.items():
         if link.medium and link.medium not in run.media:
             where = f"{file}: {EVERYWHERE}.links.{name}.medium"
-            raise ScenarioError(where, f"there is no medium '{link.medium}'", choice(link.medium, list(run.media)))
+            others = choice(link.medium, list(run.media)) if run.media else "a section 'media' with it"
+            raise ScenarioError(where, f"there is no medium '{link.medium}'", others)
     found = {}
     for name, section in run.media.items():
         joined = {link.name: link for link in links.values() if link.medium == name}
@@ -43,6 +44,8 @@ def media_of(run: RunSection, links: Mapping[str, Link], file: str) -> dict[str,
 
 def _medium(name: str, section: MediumSection, links: Mapping[str, Link], seed: int, where: str) -> MediumPlan:
     lines = {link.name: _line(link, section) for link in links.values()}
+    for joined in links.values():
+        lines |= _answers(joined, section, where)
     for link, line in lines.items():
         if line.duration_ns > NANOSECONDS:
             raise ScenarioError(
@@ -69,6 +72,23 @@ def _line(link: Link, section: MediumSection) -> Line:
     size = max(carried + overhead.frame_bytes, overhead.smallest_bytes, section.smallest_bytes)
     duration = math.ceil(Fraction(8 * size * NANOSECONDS) / Fraction(section.rate_bit_s))
     return Line(link.sender, link.wire.payload_bytes, size, duration + overhead.preamble_ns)
+
+
+def _answers(link: Link, section: MediumSection, where: str) -> dict[str, Line]:
+    """The lines of a link's acknowledgements."""
+    if link.acknowledged is None:
+        return {}
+    overhead = OVERHEADS[section.overhead]
+    size = link.acknowledged.frame_bytes or overhead.acknowledgement_bytes
+    if not size:
+        raise ScenarioError(
+            f"{where}.overhead",
+            f"'{section.overhead}' has no acknowledgements, and {link.name} is acknowledged",
+            f"links.{link.name}.acknowledged.bytes: what the whole frame of one has",
+        )
+    size = max(size, overhead.smallest_bytes, section.smallest_bytes)
+    duration = math.ceil(Fraction(8 * size * NANOSECONDS) / Fraction(section.rate_bit_s)) + overhead.preamble_ns
+    return {line: Line(receiver, 0, size, duration, True) for receiver, line in link.acknowledged.by.items()}
 
 
 def _access(given: Mapping[str, Any], lines: Mapping[str, Line], where: str) -> Any:

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from etac_ros.graph.channel import Bursts, Jitter
-from etac_ros.graph.graph import LinkKind
+from etac_ros.graph.graph import USUAL_QOS, AfterLast, LinkKind, Qos, Reliability
 from etac_ros.graph.wire import WireFormat
 from etac_ros.media.medium import Full
 from etac_ros.media.overhead import Profile
@@ -27,6 +27,30 @@ from etac_ros.parameters import Parameters, exactly_one
 
 def _without_null(value: Any) -> Any:
     return {key: kept for key, kept in value.items() if kept is not None} if isinstance(value, dict) else value
+
+
+class ComparesWith(StrEnum):
+    """What a trigger rule takes to be held by the other side."""
+
+    ACKNOWLEDGED = "acknowledged"
+    SENT = "sent"
+
+
+class AcknowledgedSection(Parameters):
+    """How messages of a link are acknowledged, and sent again."""
+
+    timeout_s: PositiveFloat = Field(description="from the end of a try to the next [s]")
+    retries: NonNegativeInt = Field(default=3, description="tries beside the first")
+    bytes: PositiveInt | None = Field(
+        default=None, description="of the whole frame of an acknowledgement; default: as the medium's overhead has it"
+    )
+    by: str | tuple[str, ...] | None = Field(
+        default=None, description="of several receivers: all, any, or a list of those that have to acknowledge"
+    )
+    after_last: AfterLast = Field(default=AfterLast.GIVE_UP, description="after the last try: give_up or halt")
+    compares_with: ComparesWith | None = Field(
+        default=None, description="the sender's trigger rule: acknowledged (the default where it decides) or sent"
+    )
 
 
 class LinkSection(Parameters):
@@ -46,9 +70,23 @@ class LinkSection(Parameters):
     medium: str | None = Field(default=None, description="a shared medium that it crosses first: a key of media")
     bursts: Bursts | None = Field(default=None, description="losses in bursts, instead of loss")
     duplication: float = Field(default=0.0, ge=0.0, le=1.0, description="probability that a message arrives twice")
+    acknowledged: AcknowledgedSection | None = Field(default=None, description="default: nothing is sent again")
     outages: dict[str, tuple[FiniteFloat, ...]] = Field(
         default={}, description="by receiving node: [from, until, ...] in seconds, when nothing gets through"
     )
+
+    reliability: Reliability = Field(
+        default=Reliability.RELIABLE, description="of DDS: whether it sends again what was lost; only of network links"
+    )
+    history: PositiveInt = Field(
+        default=USUAL_QOS.history, description="of DDS: the last so many messages are kept at both ends; likewise"
+    )
+
+    @model_validator(mode="after")
+    def _qos_of_network(self) -> LinkSection:
+        if self.kind is not LinkKind.NETWORK and Qos(self.reliability, self.history) != USUAL_QOS:
+            raise ValueError(f"reliability and history are of network links; a {self.kind.value} one is a wire")
+        return self
 
     @model_validator(mode="after")
     def _not_both(self) -> LinkSection:
@@ -56,6 +94,10 @@ class LinkSection(Parameters):
             raise ValueError("delay_ticks and delay_s say the same thing: keep one of them")
         if self.bursts is not None and self.loss:
             raise ValueError("loss is of each message by itself, bursts has losses of its own: keep one of them")
+        if self.acknowledged is not None and self.duplication:
+            raise ValueError("what is acknowledged is taken once however often it comes: leave duplication out")
+        if self.acknowledged is not None and self.kind is LinkKind.PHYSICAL:
+            raise ValueError("nobody acknowledges light or torque: leave acknowledged out, or kind: network")
         return self
 
 
@@ -326,6 +368,11 @@ class RunSection(Parameters):
     seed: NonNegativeInt = 0
     wire: WireFormat = WireFormat.COMPACT
     windows: WindowSection = WindowSection()
+    state_rate_hz: NonNegativeFloat | None = Field(
+        default=None,
+        description="samples of attitude, rate and torque that a bag shows a simulated second; 0: none; default: "
+        "about five hundred a run",
+    )
     links: dict[str, LinkSection]
     media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
     steady_from_s: float | None = Field(

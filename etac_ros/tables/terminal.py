@@ -29,7 +29,8 @@ def show(table: Table, console: Console) -> None:
     """Print a table with its title and notes.
 
     Where it is wider than the terminal its columns move together, then those that it can spare are left out, which is
-    said; if that is not enough, the others follow in blocks below each other, each with the first column.
+    said; if that is not enough, the others follow in blocks below each other, each with the first column. A text that
+    alone is too long for the terminal goes on below itself.
     """
     if table.title:
         console.print(table.title, style="bold")
@@ -38,11 +39,11 @@ def show(table: Table, console: Console) -> None:
     for number, block in enumerate(_blocks(shown, console.width)):
         if number:
             console.print()
-        console.print(_rich(block, gap))
+        console.print(_rich(block, gap, too_wide=_width(block, gap) > console.width))
     for note in table.notes:
-        console.print(note, soft_wrap=True, style="italic" if console.is_terminal else "")
+        console.print(note, style="italic" if console.is_terminal else "", soft_wrap=not console.is_terminal)
     if spared:
-        console.print(f"left out, for want of room: {', '.join(spared)}", soft_wrap=True, style="dim")
+        console.print(f"left out, for want of room: {', '.join(spared)}", style="dim")
 
 
 def _without_spare(table: Table, width: int) -> tuple[Table, list[str]]:
@@ -72,12 +73,13 @@ def _width(table: Table, gap: int) -> int:
     return sum(max(map(cell_len, column)) + gap for column in columns) - gap
 
 
-def _rich(table: Table, gap: int) -> RichTable:
+def _rich(table: Table, gap: int, too_wide: bool = False) -> RichTable:
     # The box itself parts two columns by one blank.
     right = 1
     made = RichTable(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, right, 0, gap - 1 - right))
     for place, heading in enumerate(table.columns):
-        made.add_column(heading, justify="left" if table.is_text(place) else "right", no_wrap=True)
+        left, folds = table.is_text(place), too_wide and place > 0
+        made.add_column(heading, justify="left" if left else "right", no_wrap=not folds, overflow="fold")
     for row in table.rows:
         style = " ".join(word for word in (row.style, "bold" if row.strong else "") if word)
         made.add_row(*row.cells, style=style or None, end_section=row.ends)

@@ -12,7 +12,7 @@ from zlib import crc32
 
 from etac_ros.graph.module import Module
 from etac_ros.parameters import FloatArray
-from etac_ros.timing.orders import MessageId
+from etac_ros.timing.orders import MessageId, Settled
 
 _ACT = Struct("<qqq")
 _MESSAGE = Struct("<qq")
@@ -38,6 +38,14 @@ def received(digest: int, tick: int | None, epoch: int, messages: Iterable[tuple
     return digest
 
 
+def settled(digest: int, tick: int, epoch: int, messages: Iterable[tuple[int, int]]) -> int:
+    """Fold in that the module was told what was acknowledged, each message as for :func:`received`."""
+    digest = crc32(_ACT.pack(2, tick, epoch), digest)
+    for place, number in messages:
+        digest = crc32(_MESSAGE.pack(place, number), digest)
+    return digest
+
+
 def carried(digest: int, value: FloatArray) -> int:
     """Fold in a value that was sent or received on a link."""
     return crc32(value.tobytes(), digest)
@@ -52,3 +60,7 @@ class Places:
     def of(self, messages: Iterable[MessageId]) -> list[tuple[int, int]]:
         """Messages as numbers."""
         return [(self._places[link], sequence) for link, sequence in messages]
+
+    def of_settled(self, found: Iterable[Settled]) -> list[tuple[int, int]]:
+        """What was settled as numbers: the sequence number, negative where a message was given up."""
+        return [(self._places[one.link], one.sequence if one.acknowledged else -one.sequence) for one in found]

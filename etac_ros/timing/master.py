@@ -10,18 +10,21 @@ from collections import defaultdict
 from collections.abc import Generator, Sequence
 
 from etac_ros.errors import ProtocolError
+from etac_ros.graph.acknowledged import End, Ended
 from etac_ros.graph.channel import Way
-from etac_ros.graph.graph import Graph, Link
-from etac_ros.maths.ticks import nanoseconds
-from etac_ros.media.frame import Fate, landing_tick
-from etac_ros.media.medium import Medium
-from etac_ros.timing.digest import Places, acted, knows_ticks, received
-from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Transit
+from etac_ros.graph.graph import AfterLast, Graph, Link
+from etac_ros.media.frame import Fate
+from etac_ros.timing.digest import Places, acted, knows_ticks, received, settled
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Settled, Transit
+from etac_ros.timing.under_way import UnderWay
 from etac_ros.timing.windows import WindowPolicy
 
 Batches = Generator[Sequence[Order], Sequence[Report], None]
 
 _MOST_STEPS_A_TICK = 100
+
+Bags = dict[str, list[MessageId | Settled]]
+"""What comes to each module in one step."""
 
 
 def _ways(link: Link) -> tuple[tuple[str, Way | None], ...]:
@@ -45,8 +48,6 @@ class TimeMaster:
         The tick that is being worked on, or was last.
     message_log
         The place in time of every message sent since the message log was last taken.
-    air_log
-        What has become of frames on shared media since that log was last taken.
     fired
         Number of triggering instants so far of each module that triggers.
     halted
@@ -62,8 +63,7 @@ class TimeMaster:
         self._last_fired = dict.fromkeys(self.fired, -1)
         self.sent: dict[str, int] = dict.fromkeys(graph.links, 0)
         self.message_log: list[Transit] = []
-        self.air_log: list[Fate] = []
-        self._media = {name: Medium(plan) for name, plan in graph.media.items()}
+        self._air = UnderWay(graph) if graph.media or graph.acknowledged else None
         self._graph = graph
         self._policy = windows
         self._longest = windows.longest
@@ -81,7 +81,7 @@ class TimeMaster:
             if module.concludes and not any(name in link.receivers for link in graph.sends[name])
         )
         self._proposals: dict[str, int] = {}
-        self._calendar: dict[int, dict[str, list[MessageId]]] = {}
+        self._calendar: dict[int, Bags] = {}
         self._granted: dict[str, Report] = {}
         self._starts: dict[str, int] = {}
         self._opened: dict[str, int] = {}
@@ -93,9 +93,8 @@ class TimeMaster:
         return taken
 
     def take_air_log(self) -> list[Fate]:
-        """What has become of frames on media since the last call."""
-        taken, self.air_log = self.air_log, []
-        return taken
+        """What has become of frames on the air since the last call."""
+        return [] if self._air is None else self._air.take_log()
 
     def shorten_windows(self) -> None:
         """Open shorter windows from now on: these took too long. Only speed depends on it."""
@@ -117,8 +116,8 @@ class TimeMaster:
         yield from self._look(-1, self._graph.plants, self._lookers)
         while not self.is_halted() and (tick := self._earliest()) < end:
             self.tick = tick
-            if self._media:
-                self._land(tick)
+            if self._air is not None:
+                self._land(self._air, tick)
             touched = yield from self._act(tick)
             if not self.is_halted():
                 used_up = {plant for plant in self._graph.plants if self._proposals[plant] == tick}
@@ -126,32 +125,43 @@ class TimeMaster:
                 yield from self._look(tick, renewed, touched & self._lookers)
         if not self.is_halted():
             self.tick = end
-        if self._media:
-            self._land(self.tick)
+        if self._air is not None:
+            self._land(self._air, self.tick)
         yield from self._close(self.tick)
 
     def _earliest(self) -> int:
         earliest = min(self._proposals.values())
         if self._calendar:
             earliest = min(earliest, min(self._calendar))
-        for medium in self._media.values():
-            event = medium.next_ns()
+        if self._air is not None:
+            event = self._air.next_tick()
             if event is not None:
-                earliest = min(earliest, landing_tick(event, self._graph.ticks_per_second))
+                earliest = min(earliest, event)
         return earliest
 
-    def _land(self, tick: int) -> None:
-        """Move what is on the air on to this tick. What lands goes through its channel: now, later or never."""
-        now = nanoseconds(tick, self._graph.ticks_per_second)
-        for medium in self._media.values():
-            for fate in medium.advance(now):
-                landed = landing_tick(fate.landed_ns, self._graph.ticks_per_second)
-                message = MessageId(fate.link, fate.sequence)
-                for receiver, way in self._ways[fate.link]:
-                    for when in (landed,) if way is None else way.arrivals(fate.sequence, landed):
-                        if when < self._graph.end_tick:
-                            self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
-            self.air_log += medium.take_log()
+    def _land(self, air: UnderWay, tick: int) -> None:
+        """Move what is on the air on to this tick; what comes of it is as if it had been in the calendar."""
+        for one in air.advance(tick):
+            if isinstance(one, Ended):
+                self._settle(one, tick, None)
+            elif one.tick < self._graph.end_tick:
+                self._later(one.tick)[one.receiver].append(one.message)
+
+    def _settle(self, ended: Ended, tick: int, arriving: Bags | None) -> None:
+        """The sender's wait is over: tell it in the next step, if that makes a difference to it."""
+        link = self._graph.links[ended.link]
+        acknowledged = ended.end is End.ACKNOWLEDGED
+        assert link.acknowledged is not None
+        if not acknowledged and link.acknowledged.after_last is AfterLast.HALT and not self.halted:
+            tries = 1 + link.acknowledged.retries
+            what = f"message {ended.sequence} on {ended.link}"
+            self.halted = f"{link.sender}: {what} is not acknowledged after {tries} tries"
+        if link.acknowledged.told and tick < self._graph.end_tick:
+            bags = self._later(tick) if arriving is None else arriving
+            bags.setdefault(link.sender, []).append(Settled(ended.link, ended.sequence, acknowledged))
+
+    def _later(self, tick: int) -> Bags:
+        return self._calendar.setdefault(tick, defaultdict(list))
 
     def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], set[str]]:
         """Fire, then deliver step by step until nothing is in flight. Returns who acted or received."""
@@ -163,7 +173,7 @@ class TimeMaster:
             reports = yield [Fire(name, tick, self._epoch(name), alone) for name in asked]
             self._granted.update(zip(asked, reports, strict=True))
         touched = set(due)
-        arriving: dict[str, list[MessageId]] = self._calendar.pop(tick, {})
+        arriving: Bags = self._calendar.pop(tick, {})
         concluded: dict[str, Report] = {}
         for name in due:
             report = self._granted.pop(name)
@@ -182,12 +192,7 @@ class TimeMaster:
             receivers = sorted(arriving, key=self._place.__getitem__)
             answers = concluded
             if receivers:
-                orders = [
-                    Deliver(name, tick, step, tuple(sorted(arriving[name], key=self._in_order)), self._epoch(name))
-                    for name in receivers
-                ]
-                for order in orders:
-                    self._delivered(order.module, tick, order.messages)
+                orders = [self._deliver(name, tick, step, arriving[name]) for name in receivers]
                 reports = yield orders
                 answers = {**concluded, **dict(zip(receivers, reports, strict=True))}
             arriving, concluded = {}, {}
@@ -197,11 +202,22 @@ class TimeMaster:
             step += 1
         return touched
 
+    def _deliver(self, module: str, tick: int, step: int, bag: Sequence[MessageId | Settled]) -> Deliver:
+        """The order to take what comes in one step."""
+        messages = sorted((one for one in bag if isinstance(one, MessageId)), key=self._in_order)
+        ends: tuple[Settled, ...] = ()
+        if len(messages) < len(bag):
+            ends = tuple(sorted((one for one in bag if isinstance(one, Settled)), key=self._in_order))
+            self.done[module] = settled(self.done[module], tick, self._epoch(module), self._numbers.of_settled(ends))
+        if messages or not ends:
+            self._delivered(module, tick, tuple(messages))
+        return Deliver(module, tick, step, tuple(messages), self._epoch(module), ends)
+
     def _delivered(self, module: str, tick: int, messages: tuple[MessageId, ...]) -> None:
         told = tick if self._knows_ticks[module] else None
         self.done[module] = received(self.done[module], told, self._epoch(module), self._numbers.of(messages))
 
-    def _note(self, sender: str, report: Report, tick: int, step: int, arriving: dict[str, list[MessageId]]) -> None:
+    def _note(self, sender: str, report: Report, tick: int, step: int, arriving: Bags) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
         self._halt(sender, report)
         triggering = self._graph.modules[sender].triggers
@@ -213,16 +229,22 @@ class TimeMaster:
             self.sent[name] += 1
             message = MessageId(name, self.sent[name])
             self.message_log.append(Transit(name, message.sequence, tick, step))
-            if link.medium:
-                now = nanoseconds(tick, self._graph.ticks_per_second)
-                self._media[link.medium].offer(name, message.sequence, now)
+            if self._air is not None and (link.medium or link.acknowledged):
+                self._hand_to(self._air, message, tick, arriving)
                 continue
             for receiver, way in self._ways[name]:
                 for when in (tick,) if way is None else way.arrivals(message.sequence, tick):
                     if when == tick:
                         arriving.setdefault(receiver, []).append(message)
                     elif when < self._graph.end_tick:
-                        self._calendar.setdefault(when, defaultdict(list))[receiver].append(message)
+                        self._later(when)[receiver].append(message)
+
+    def _hand_to(self, air: UnderWay, message: MessageId, tick: int, arriving: Bags) -> None:
+        for one in air.offer(message, tick):
+            if isinstance(one, Ended):
+                self._settle(one, tick, arriving)
+            elif one.tick == tick:
+                arriving.setdefault(one.receiver, []).append(one.message)
 
     def _halt(self, module: str, report: Report) -> None:
         if report.halt and not self.halted:
@@ -291,10 +313,10 @@ class TimeMaster:
     def _epoch(self, module: str) -> int:
         return self._opened.get(self._graph.reads.get(module, ""), 0)
 
-    def _in_order(self, message: MessageId) -> tuple[int, int]:
+    def _in_order(self, message: MessageId | Settled) -> tuple[int, int]:
         return self._link_place[message.link], message.sequence
 
-    def _endless(self, tick: int, arriving: dict[str, list[MessageId]]) -> ProtocolError:
+    def _endless(self, tick: int, arriving: Bags) -> ProtocolError:
         going = [
             message.link for name, arrivals in arriving.items() if name not in self._plants for message in arrivals
         ]

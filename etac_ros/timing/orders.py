@@ -15,6 +15,15 @@ class MessageId(NamedTuple):
     sequence: int
 
 
+class Settled(NamedTuple):
+    """The wait of a sender for the acknowledgement of a message is over."""
+
+    link: str
+    sequence: int
+    acknowledged: bool
+    """False where the last try was in vain."""
+
+
 class Open(NamedTuple):
     """Plant: commit up to ``tick`` and compute ``length`` samples under what is held now."""
 
@@ -54,6 +63,8 @@ class Deliver(NamedTuple):
     epoch: int = 0
     """The window that the module has to see first; 0 if it reads no plant. A passive module does not report on
     windows, so this order may overtake one."""
+    settled: tuple[Settled, ...] = ()
+    """What became of its own messages: known before what arrives. Alone, it is nothing to receive."""
 
 
 class Close(NamedTuple):

@@ -18,9 +18,9 @@ from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.parameters import FloatArray
-from etac_ros.timing.digest import Places, acted, carried, knows_ticks, received
+from etac_ros.timing.digest import Places, acted, carried, knows_ticks, received, settled
 from etac_ros.timing.duties import Duties
-from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Settled
 
 
 class Send(NamedTuple):
@@ -117,13 +117,14 @@ class ModuleWorker:
     def on_message(self, link: Link, sequence: int, value: FloatArray, tick: int | None = None) -> None:
         """Take a message; the channel decides whether it counts."""
         self.values[link.name] = carried(self.values[link.name], value)
-        if link.channel.drops(self.name, sequence):
-            return
         identity = MessageId(link.name, sequence)
+        if link.acknowledged is None:  # else it may be sent again: an order tells when it has arrived, if ever
+            if link.channel.drops(self.name, sequence):
+                return
+            copies = link.channel.copies(self.name, sequence)
+            if copies > 1:
+                self._copies[identity] = copies
         self._inbox[identity] = value
-        copies = link.channel.copies(self.name, sequence)
-        if copies > 1:
-            self._copies[identity] = copies
         if self._acts_on_arrival:
             self._arrived.append((identity, tick))
         self._work()
@@ -212,8 +213,10 @@ class ModuleWorker:
                 self._proposal = None  # of a module that always fires alike, until it is asked again
                 if self._driver.module.fires_on is None:
                     self._tell_act(Report(sent, concluded=concluded, halt=self._driver.module.halt), tick)
-            case Deliver(_, tick, _, messages, _):
-                answers = self._receive(tick, messages)
+            case Deliver(_, tick, _, messages, _, ends):
+                if ends:
+                    self._settle(tick, ends)
+                answers = self._receive(tick, messages) if messages or not ends else []
                 self._acted(tick, self._send(answers, tick))
             case _:
                 raise TypeError(f"{self.name} is no plant, and cannot obey {order}")
@@ -243,6 +246,11 @@ class ModuleWorker:
         told = tick if self._knows_ticks else None
         self.done = received(self.done, told, self._epoch(), self._numbers.of(messages))
         return self._driver.receive(tick, self._arrivals(messages))
+
+    def _settle(self, tick: int, ends: tuple[Settled, ...]) -> None:
+        self.done = settled(self.done, tick, self._epoch(), self._numbers.of_settled(ends))
+        for one in ends:
+            self._driver.settle(tick, self._links[one.link].port, one.acknowledged)
 
     def _acted(self, tick: int, sent: tuple[str, ...]) -> None:
         if self._reports:
@@ -306,7 +314,7 @@ class PlantWorker(ModuleWorker):
                 self._commit(tick)
                 self.closed = True
                 self._emit(Obeyed(Report(halt=self.plant.halt)))
-            case Deliver(_, tick, _, messages, _):
+            case Deliver(_, tick, _, messages):
                 self.done = received(self.done, tick, 0, self._numbers.of(messages))
                 self.plant.receive(tick, self._arrivals(messages), None)
             case _:

@@ -16,7 +16,8 @@ from etac_ros.metrics.summary import steady_from_s
 from etac_ros.modules.triggering import event_triggered_modules
 from etac_ros.plants.plant import errors_of, has_attitude
 from etac_ros.scenario.document import EVERYWHERE, choice
-from etac_ros.scenario.load import Scenario, available, load
+from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.places import available
 from etac_ros.scenario.schema import Published, PublishedFigure, TradeoffCurve, TradeoffSection
 from etac_ros.sweep.plan import Plan, Point, make_plan
 

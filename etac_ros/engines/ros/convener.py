@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
 from etac_ros.engines.ros.endpoints import Spinner
 from etac_ros.engines.ros.foreign import Foreign
 from etac_ros.engines.ros.messages import open_note
 from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Reliability
 from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, START, STOP
 
 _LAST_WORD_S = 2.0
@@ -70,7 +75,7 @@ class Convener(RunNode):
         if not self.started:
             self._begin_if_all_are_there()
             for words in self.foreign.misfits():
-                print(f"{self.name}: {words}", flush=True)
+                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
         elif self.stop is None:
             self._look_after_run()
         if time.monotonic() - self._heard < self.plan.quiet_s:
@@ -79,7 +84,7 @@ class Convener(RunNode):
         if not self.started:
             missing = [name for name in self.plan.nodes if name not in self._greeted]
             if patient:
-                print(f"{self.name}: still waiting for {', '.join(missing) or 'a foreign node'}", flush=True)
+                print(f"{self.name}: {self._waiting_for(missing)}", file=sys.stderr, flush=True)
                 return
             raise RunError(
                 f"node {', '.join(missing)}",
@@ -91,7 +96,13 @@ class Convener(RunNode):
             self._blame_who_is_quiet()
             return
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
-        raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")
+        found = f"has not left within {self.plan.quiet_s:g} s{self._may_be_lost()}"
+        raise RunError(f"node {', '.join(missing)}", found)
+
+    def _waiting_for(self, missing: Sequence[str]) -> str:
+        absent = [*missing, *([] if missing else self.foreign.absent())]
+        domain = os.environ.get(DOMAIN_VARIABLE, "0")
+        return f"in ROS domain {domain}, still waiting for {', '.join(absent) or 'a foreign node'}"
 
     def excuse(self) -> None:
         """Silence counts from now on: a process of the run was stopped, or computes."""
@@ -125,6 +136,14 @@ class Convener(RunNode):
 
     def _blame_who_is_quiet(self) -> None:
         """Nothing was heard for too long while the run goes on."""
+
+    def _may_be_lost(self) -> str:
+        """A hint at links whose last message nobody misses but who waits for it."""
+        links = self.plan.graph.links.values()
+        topics = [link.topic for link in links if link.qos.reliability is Reliability.BEST_EFFORT]
+        return (
+            f"; or a message was lost that DDS does not send again (best effort: {', '.join(topics)})" if topics else ""
+        )
 
     def _start_content(self) -> dict[str, Any]:
         """What the note that begins the run says."""

@@ -20,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import serialize_message
 
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import USUAL_QOS, Qos, Reliability
 
 DATA = QoSProfile(
     depth=4096,
@@ -38,6 +39,20 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """For what a node that joins late has to know."""
+
+
+def profile(qos: Qos) -> QoSProfile:
+    """What DDS is asked for at both ends of a link."""
+    if qos == USUAL_QOS:
+        return DATA
+    best_effort = qos.reliability is Reliability.BEST_EFFORT
+    return QoSProfile(
+        depth=qos.history,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
 
 _LATCHED_READER = QoSProfile(
     depth=1000,
@@ -76,6 +91,8 @@ class Publisher:
         How many subscriptions of foreign nodes, whose names nobody knows, have to be matched besides.
     latched
         Keep the last message for late joiners.
+    qos
+        Of a link; for what is not latched.
     """
 
     def __init__(
@@ -86,6 +103,7 @@ class Publisher:
         listeners: Collection[str] = (),
         foreign: int = 0,
         latched: bool = False,
+        qos: Qos = USUAL_QOS,
     ) -> None:
         self.topic = topic
         self.count = Count()
@@ -93,7 +111,7 @@ class Publisher:
         self._foreign = foreign
         self._node = node
         self._matched = False
-        self._publisher = node.create_publisher(kind, topic, LATCHED if latched else DATA)
+        self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
 
     def publish(self, message: Any) -> int:
         """Publish a message; returns its sequence number."""
@@ -147,6 +165,8 @@ class Subscription:
     foreign
         The publisher is no node of ours. It may have published before: its first message after :meth:`open` is
         number 1, and what came before that does not count.
+    qos
+        Of a link; for what is not latched.
     read
         Reads each message; where it returns None, the message is a stranger's: it is counted, and else ignored.
 
@@ -172,6 +192,7 @@ class Subscription:
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
+        qos: Qos = USUAL_QOS,
         read: Reader | None = None,
     ) -> None:
         self.topic = topic
@@ -180,6 +201,7 @@ class Subscription:
         self.source_ns = 0
         self.received_ns = 0
         self.period: tuple[int, int] | None = None
+        self._qos = qos
         self._node = node
         self._kind = kind
         self._raw = raw
@@ -190,8 +212,8 @@ class Subscription:
         self._closed = foreign
         self._base = 0
         self._matched = False
-        profile = _LATCHED_READER if latched else DATA
-        subscription = node.create_subscription(kind, topic, _unused, profile, raw=raw)
+        wanted = _LATCHED_READER if latched else profile(qos)
+        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=raw)
         self.handle = subscription.handle
 
     def also(self, callback: Callback) -> None:
@@ -239,14 +261,22 @@ class Subscription:
             self.count.cdr_bytes += size
             number = sequence - self._base
             if self._continuous and number != self.count.messages:
-                raise RunError(
-                    f"topic {self.topic}",
-                    f"message {number} of its publisher came as number {self.count.messages}",
-                    "every message once, in order, from one publisher",
-                    "is another program publishing on this topic in this ROS domain?",
-                )
+                raise self._gap(number)
             for callback in self._callbacks:
                 callback(content, number)
+
+    def _gap(self, number: int) -> RunError:
+        remedy = "is another program publishing on this topic in this ROS domain?"
+        if self._qos.reliability is Reliability.BEST_EFFORT:
+            remedy = f"its link is best effort, and DDS has lost messages: reliability: reliable. Or else, {remedy}"
+        elif self._qos.history < USUAL_QOS.history:
+            remedy = f"its link keeps {self._qos.history} messages: a longer history. Or else, {remedy}"
+        return RunError(
+            f"topic {self.topic}",
+            f"message {number} of its publisher came as number {self.count.messages}",
+            "every message once, in order, from one publisher",
+            remedy,
+        )
 
 
 class Spinner:

@@ -56,7 +56,7 @@ class ModuleNode(RunNode):
         self._outgoing: dict[str, Publisher] = {}
         for link in graph.sends[name]:
             own, foreign = plan.listeners(link)
-            self._outgoing[link.name] = self.publisher(message_type(link.wire), link.topic, own, foreign)
+            self._outgoing[link.name] = self.publisher(message_type(link.wire), link.topic, own, foreign, qos=link.qos)
         for link in graph.hears[name]:
             self._hear(link)
         if plan.duties.needs_orders(name):
@@ -102,7 +102,7 @@ class ModuleNode(RunNode):
 
         foreign = link.sender in self.plan.graph.external
         kind = message_type(link.wire)
-        self._incoming[link.name] = self.subscription(kind, link.topic, on_message, foreign=foreign)
+        self._incoming[link.name] = self.subscription(kind, link.topic, on_message, foreign=foreign, qos=link.qos)
 
     def _tick_of(self, stamp: int, link: Link) -> int:
         try:

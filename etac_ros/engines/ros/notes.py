@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Settled
 
 _ORDERS: dict[str, type[Open | Look | Fire | Deliver | Close]] = {
     "open": Open,
@@ -18,7 +18,10 @@ _NAMES = {kind: name for name, kind in _ORDERS.items()}
 
 def order_note(order: Order) -> dict[str, Any]:
     """An order as a mapping with the key ``do``."""
-    return {"do": _NAMES[type(order)], **order._asdict()}
+    values = order._asdict()
+    if not values.get("settled", True):
+        del values["settled"]  # most orders have none, and their length is traffic
+    return {"do": _NAMES[type(order)], **values}
 
 
 def read_order(content: dict[str, Any]) -> Order:
@@ -27,6 +30,8 @@ def read_order(content: dict[str, Any]) -> Order:
     kind = _ORDERS[values.pop("do")]
     if "messages" in values:
         values["messages"] = tuple(MessageId(link, sequence) for link, sequence in values["messages"])
+    if "settled" in values:
+        values["settled"] = tuple(Settled(*one) for one in values["settled"])
     return kind(**values)
 
 

@@ -142,7 +142,9 @@ class RecorderNode(RunNode):
 
         foreign = link.sender in self.plan.graph.external
         kind = message_type(link.wire)
-        self._received[link.topic] = self.subscription(kind, link.topic, on_message, raw=True, foreign=foreign)
+        self._received[link.topic] = self.subscription(
+            kind, link.topic, on_message, raw=True, foreign=foreign, qos=link.qos
+        )
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:

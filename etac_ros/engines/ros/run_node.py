@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Reader, Spinner, Subscription
 from etac_ros.engines.ros.messages import read_note, write_note
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.graph.graph import USUAL_QOS, Qos
 from etac_ros.graph.topics import END, FAULT, JOIN, LEAVE, START, STOP
 
 
@@ -63,10 +64,16 @@ class RunNode:
             self._hear_as_all_do(topic, callback)
 
     def publisher(
-        self, kind: type, topic: str, listeners: Collection[str] = (), foreign: int = 0, latched: bool = False
+        self,
+        kind: type,
+        topic: str,
+        listeners: Collection[str] = (),
+        foreign: int = 0,
+        latched: bool = False,
+        qos: Qos = USUAL_QOS,
     ) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched)
+        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched, qos)
         self._publishers.append(publisher)
         return publisher
 
@@ -80,11 +87,21 @@ class RunNode:
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
+        qos: Qos = USUAL_QOS,
         read: Reader | None = None,
     ) -> Subscription:
         """A subscription of this node, served by the process's loop."""
         subscription = Subscription(
-            self.ros_node, kind, topic, callback, raw=raw, latched=latched, shared=shared, foreign=foreign, read=read
+            self.ros_node,
+            kind,
+            topic,
+            callback,
+            raw=raw,
+            latched=latched,
+            shared=shared,
+            foreign=foreign,
+            qos=qos,
+            read=read,
         )
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)

@@ -120,7 +120,9 @@ class TimedNode(RunNode):
 
     def _listen(self, link: Link, callback: Any, raw: bool) -> Subscription:
         foreign = link.sender in self.plan.graph.external
-        subscription = self.subscription(message_type(link.wire), link.topic, callback, raw=raw, foreign=foreign)
+        subscription = self.subscription(
+            message_type(link.wire), link.topic, callback, raw=raw, foreign=foreign, qos=link.qos
+        )
         if foreign:
             self._foreign_ends.append(subscription)
         return subscription
@@ -142,7 +144,7 @@ class WallNode(TimedNode):
         self._outgoing: dict[str, Publisher] = {}
         for link in plan.graph.sends[name]:
             own, foreign = plan.listeners(link)
-            self._outgoing[link.name] = self.publisher(message_type(link.wire), link.topic, own, foreign)
+            self._outgoing[link.name] = self.publisher(message_type(link.wire), link.topic, own, foreign, qos=link.qos)
         self._incoming = {link.name: self._hear(link) for link in plan.graph.hears[name]}
         self._ledger = self.publisher(Float64MultiArray, ledger_topic(name), (RECORDER,))
         self._noted_ns = 0

@@ -1,0 +1,91 @@
+"""Kernels are compiled when they are first called, and numba is imported then: most commands call none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from etac_ros.maths.compiled import kernel
+from etac_ros.maths.vector import cross
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def python(script: str, *folders: Path) -> str:
+    """What a fresh interpreter prints."""
+    paths = ":".join(map(str, folders))
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, env={"PYTHONPATH": paths},
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("command", [["list"], ["--help"], ["list", "qi2022"], ["resolve", "xie2021"]])
+def test_commands_that_run_nothing_import_no_numba(command: list[str]) -> None:
+    script = f"""
+        import sys
+        sys.argv = ["etac", *{command!r}]
+        from etac_ros.cli.main import main
+        try:
+            main()
+        except SystemExit as end:
+            assert not end.code, end.code
+        sys.stdout.flush()
+        print("numba" in sys.modules)
+    """
+    assert python(script).splitlines()[-1] == "False"
+
+
+def test_a_kernel_gives_what_its_function_gives() -> None:
+    calls = []
+
+    def summed(values):  # type: ignore[no-untyped-def]
+        calls.append(1)  # what is compiled has no such list
+        return values.sum()
+
+    def plain(values):  # type: ignore[no-untyped-def]
+        out = np.empty(3)
+        cross(values[0], values[1], out)
+        return out
+
+    values = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 2.0]])
+    assert np.array_equal(kernel(plain)(values), np.cross(values[0], values[1]))
+    with pytest.raises(Exception, match="calls"):
+        kernel(summed)(values)
+    assert not calls
+
+
+def test_a_users_class_may_compile_with_numba_itself_and_call_functions_of_ours(tmp_path: Path) -> None:
+    (tmp_path / "own_kernel.py").write_text(
+        textwrap.dedent(
+            """
+            import numpy as np
+            from etac_ros.maths.vector import cross
+            import numba
+
+            @numba.njit
+            def turned(a, b):
+                out = np.empty(3)
+                cross(a, b, out)
+                return out
+
+            class Parameters:
+                pass
+            """
+        )
+    )
+    script = """
+        import numpy as np
+        from etac_ros.scenario.classes import import_class
+        import_class("own_kernel:Parameters", "here")
+        import own_kernel
+        print(own_kernel.turned(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])).tolist())
+    """
+    assert python(script, tmp_path).strip() == "[0.0, 0.0, 1.0]"
