@@ -42,7 +42,7 @@ WORLD = "world"
 """The root of all frames. The frames below it that are called references do not turn against it."""
 SAMPLES = 500
 """So many samples a run are written, about, if no rate is asked for."""
-_AT_ONCE, _WAITS_S = 4096, 1.0
+_AT_ONCE, WAITS_S = 4096, 1.0
 """Samples wait until there are so many, or for so long [wall s]: a batch costs hardly more than one, and no run should
 be slower for it. When they are written says nothing of what is."""
 _APART_M = 4.0
@@ -128,12 +128,20 @@ class StateStreams:
     wall
         The instants of ticks in a run in real time; of such a run no torque is shown, since when it arrived only
         ledgers tell, which come later.
+    waits_s
+        How long samples may wait for each other before they are handed out [wall s].
     """
 
-    def __init__(self, graph: Graph, rate_hz: float | None = None, wall: WallClock | None = None) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        rate_hz: float | None = None,
+        wall: WallClock | None = None,
+        waits_s: float = WAITS_S,
+    ) -> None:
         period = period_ticks(graph, rate_hz)
         self._ticks_per_second = graph.ticks_per_second
-        self._plants = {name: _Plant(graph, name, period, wall is None) for name in graph.plants}
+        self._plants = {name: _Plant(graph, name, period, wall is None, waits_s) for name in graph.plants}
         self._wall = wall
         self._fixed = [shape for plant in self._plants.values() for shape in plant.shapes]
         references = [plant.references for plant in self._plants.values()]
@@ -206,13 +214,14 @@ def _speechless(plant: str, tick: int, wanted: str, error: Exception) -> RunErro
 
 
 class _Plant:
-    def __init__(self, graph: Graph, name: str, period: int, with_torque: bool) -> None:
+    def __init__(self, graph: Graph, name: str, period: int, with_torque: bool, waits_s: float) -> None:
         module = graph.modules[name]
         assert isinstance(module, PlantModule)
         self.name = name
         self._plant = module.plant
         self._period = period
         self._with_torque = with_torque
+        self._waits_s = waits_s
         hears = graph.hears[name]
         # What an acknowledged link brings follows from a conversation, not from the message alone.
         self._with_torque &= all(link.acknowledged is None for link in hears)
@@ -267,7 +276,7 @@ class _Plant:
         return _Samples(np.array(ticks[:count]), states[:count], self._held(ticks[:count]))
 
     def _have_waited(self) -> bool:
-        return time.monotonic() - self._since > _WAITS_S
+        return time.monotonic() - self._since > self._waits_s
 
     def _held(self, ticks: list[int]) -> FloatArray:
         """What the plant holds after all that arrived at each tick."""
