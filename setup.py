@@ -66,6 +66,7 @@ setup(
         "mutation": ["cosmic-ray"],
         "test": [
             "colcon-common-extensions",
+            "cyclonedds",
             "distributed",
             "foxglove-sdk",
             "hypothesis",

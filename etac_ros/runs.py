@@ -38,9 +38,12 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
+from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
+from etac_ros.metrics.clocks import with_delayed_torques
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
+from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
@@ -108,6 +111,7 @@ def warm_up(scenario: Scenario) -> None:
     if scenario.digest in _warm:
         return
     _warm.add(scenario.digest)
+    import_numba()
     graph = scenario.build()
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
@@ -307,6 +311,12 @@ def simulate(scenario: Scenario) -> Run:
     return _simulated(scenario, scenario.build(), began, None)[0]
 
 
+def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
+    """Run a scenario by calls with torques that act so many ticks later, as they do in real time."""
+    began = time.perf_counter()
+    return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
+
+
 def _simulated(
     scenario: Scenario, graph: Graph, began: float, bag: Path | None, pace: float | None = None
 ) -> tuple[Run, int]:
@@ -363,6 +373,11 @@ class RosOptions:
         Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
     keep_capture
         Keep what was captured in this pcapng file.
+    priority
+        In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
+        one.
+    live
+        Port on which the run is shown to Foxglove while it goes on, on this machine; None shows nothing.
     """
 
     processes: str = "node"
@@ -375,6 +390,7 @@ class RosOptions:
     capture: bool = False
     keep_capture: Path | None = None
     pace: float | None = None
+    priority: int = 0
     live: int | None = None
 
 
@@ -384,11 +400,13 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
     Raises
     ------
     ScenarioError
-        If it cannot.
+        If it cannot, or foreign nodes play roles that they can only play in real time.
     """
     if options.rate is None:
+        check_foreign(scenario.graph, str(scenario.path))
         return None
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.engines.ros.wall_time import check_priority
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
@@ -400,7 +418,8 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
-    return RealTime(rate_of(options.rate), options.strict)
+    check_priority(options.priority)
+    return RealTime(rate_of(options.rate), options.strict, options.priority)
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:

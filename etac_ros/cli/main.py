@@ -62,12 +62,13 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False) -> float | None:
+def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, priority: int = 0) -> float | None:
     """Simulated seconds a second of a run in real time; None in simulated time."""
     if clock is ClockKind.wall:
         return 1.0 if rate is None else rate
-    if strict:
-        raise ScenarioError("--strict", "is for --clock wall", "", "add --clock wall")
+    for option, is_given in {"--strict": strict, f"--priority {priority}": priority != 0}.items():
+        if is_given:
+            raise ScenarioError(option, "is for --clock wall", "", "add --clock wall")
     return None
 
 
@@ -94,6 +95,9 @@ Rate = Annotated[
     typer.Option(help="Simulated seconds a second: of real time (default: 1), or at most, to watch simulated time."),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
+Priority = Annotated[
+    int, typer.Option(help="For --clock wall: real-time priority (SCHED_FIFO) of the processes, 1 to 99.")
+]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
 ]
@@ -158,6 +162,7 @@ def run(
     clock: Clock = ClockKind.sim,
     rate: Rate = None,
     strict: Strict = False,
+    priority: Priority = 0,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -177,10 +182,11 @@ def run(
         record_windows,
         only,
         quiet_s,
-        rate_of_clock(clock, rate, strict),
+        rate_of_clock(clock, rate, strict, priority),
         strict,
         capture,
-        pace=rate if clock is ClockKind.sim else None,
+        rate if clock is ClockKind.sim else None,
+        priority,
         live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
@@ -193,10 +199,26 @@ def compare(
         list[str] | None, typer.Option(help="A variant; repeatable. Default: the scenario's own.")
     ] = None,
     set_: Set = None,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    priority: Priority = 0,
+    processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
+    bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
 ) -> None:
-    """Run variants in process and show them beside each other and beside the paper."""
+    """Run variants and show them beside each other and beside the paper; or one in real time beside simulated ones."""
     from etac_ros.cli.compare import compare as compare_variants
     from etac_ros.cli.show import make_console
+
+    speed = rate_of_clock(clock, rate, priority=priority)
+    if speed is not None:
+        from etac_ros.cli.compare_clocks import compare_clocks
+        from etac_ros.runs import RosOptions
+
+        if len(variant or ()) > 1:
+            raise ScenarioError("--variant", "is there more than once", "one, with --clock wall")
+        options = RosOptions(processes.value, rate=speed, priority=priority)
+        compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
+        return
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 
@@ -321,14 +343,17 @@ def robustness(
     factor: Annotated[
         float, typer.Option(min=1.0, help="A run holds up to so many times the steady error of ideal links.")
     ] = 3.0,
+    spacecraft: Annotated[
+        str, typer.Option(help="Sizes of a formation on its radio, with commas; empty for none.")
+    ] = "4,8,12,16,24,32",
     set_: Set = None,
-    write: Annotated[Path | None, typer.Option(help="Write the maps as Markdown.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all as Markdown, with pictures beside it.")] = None,
 ) -> None:
-    """Map loss and delay on the network to messages and steady error: which loops hold, and how far."""
+    """Map loss and delay to messages and steady error; cost of retransmission; how many spacecraft share a medium."""
     from etac_ros.cli.robustness import robustness_and_show
     from etac_ros.cli.show import make_console
 
-    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), make_console(), write)
+    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), spacecraft, make_console(), write)
 
 
 @app.command()
@@ -377,6 +402,21 @@ def layout(
         typer.echo(f"layout: {output / name}")
 
 
+@app.command()
+def contract(
+    scenario: ScenarioName,
+    node: Annotated[str, typer.Argument(help="Full name of a node, as /sensor.")],
+    variant: Variant = None,
+    set_: Set = None,
+) -> None:
+    """Print what a foreign node has to subscribe to and publish in the place of a node."""
+    from etac_ros.cli.contract import show_contract
+    from etac_ros.scenario.load import load
+    from etac_ros.tables.terminal import make_console
+
+    show_contract(load(scenario, variant, set_ or ()), node, make_console())
+
+
 @app.command("list")
 def list_(
     scenario: Annotated[
@@ -402,6 +442,7 @@ def node(
     clock: Clock = ClockKind.sim,
     rate: Rate = None,
     strict: Strict = False,
+    priority: Priority = 0,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
@@ -410,7 +451,7 @@ def node(
         raise ScenarioError(
             f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
         )
-    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict, priority), strict, priority)
 
 
 @app.command()

@@ -57,6 +57,7 @@ class RunRequest:
     capture: str | None = None
     """The pcapng file to keep; empty keeps none; None captures nothing."""
     pace: float | None = None
+    priority: int = 0
     live: int | None = None
 
     @property
@@ -73,6 +74,7 @@ class RunRequest:
             self.capture is not None,
             Path(self.capture) if self.capture else None,
             self.pace,
+            self.priority,
             self.live,
         )
 

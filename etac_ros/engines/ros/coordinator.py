@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -136,6 +137,8 @@ class CoordinatorNode(Convener):
 
     def _look_after_run(self) -> None:
         self.foreign.check_present()
+        if words := self.foreign.slow():
+            print(f"{self.name}: {words}", file=sys.stderr, flush=True)
         self._go_on()
 
     def _blame_who_is_quiet(self) -> None:
@@ -147,10 +150,10 @@ class CoordinatorNode(Convener):
             f"is its process still there? see what it printed{self._may_be_lost()}",
         )
 
-    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None]) -> Subscription:
-        """A subscription to what a foreign node sends, as bytes."""
+    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None], foreign: bool) -> Subscription:
+        """A subscription to what a foreign node sends, or is asked, as bytes."""
         kind = message_type(link.wire)
-        return self.subscription(kind, link.topic, callback, raw=True, foreign=True, qos=link.qos)
+        return self.subscription(kind, link.topic, callback, raw=True, foreign=foreign, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:
