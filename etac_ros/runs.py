@@ -26,7 +26,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.run_metadata import of_wall_clock
-from etac_ros.bag.state import WAITS_S, StateStreams
+from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
@@ -177,7 +177,13 @@ def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool 
     ``wall`` is the clock of a run in real time, ``live`` whether somebody may be looking.
     """
     rate_hz = scenario.run.state_rate_hz
-    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz, wall, LIVE_WAITS_S if live else WAITS_S)
+    if rate_hz == 0.0:
+        return None
+    graph = scenario.graph
+    # In real time a law's triggering instants do not follow from the samples alone.
+    watched = wall is None and any(watchers_of(graph, plant) for plant in graph.plants)
+    waits_s = LIVE_WAITS_S if live else WAITS_S
+    return StateStreams(graph, rate_hz, wall, waits_s, scenario.build() if watched else None)
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
