@@ -146,6 +146,8 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")] = False,
+    live_port: Annotated[int, typer.Option(min=1, max=65535, help="For --live.")] = 8765,
     state_rate: Annotated[
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
@@ -185,6 +187,7 @@ def run(
         capture,
         pace=rate if clock is ClockKind.sim else None,
         priority=priority,
+        live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
 
