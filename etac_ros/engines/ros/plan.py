@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
@@ -54,6 +56,9 @@ class Plan:
         How long a node may owe an answer, or stand still, before it is reported [s].
     wall
         How it runs in real time; None for simulated time.
+    parameters
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
+        it would make slower.
     """
 
     scenario: str
@@ -64,6 +69,7 @@ class Plan:
     token: str = ""
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
+    parameters: Mapping[str, Mapping[str, Any]] | None = None
 
     @property
     def clock(self) -> str:
