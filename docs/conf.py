@@ -6,7 +6,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from generated import write_pages  # noqa: E402 - beside this file
+from generated import write_pages, write_rest  # noqa: E402 - beside this file
 
 from etac_ros import __version__  # noqa: E402
 
@@ -30,4 +30,9 @@ suppress_warnings = ["myst.xref_missing"]
 
 def setup(app):
     """Write the pages that are made of docstrings and parameters before Sphinx looks for pages."""
-    app.connect("builder-inited", lambda _: write_pages(HERE / "reference" / "generated"))
+
+    def write(_):
+        write_pages(HERE / "reference" / "generated")
+        write_rest(HERE, HERE / "reference" / "generated" / "more.rst")
+
+    app.connect("builder-inited", write)

@@ -40,6 +40,15 @@ def write_pages(folder: Path) -> None:
             path.write_text(text, encoding="utf-8")
 
 
+def write_rest(docs: Path, path: Path) -> None:
+    """A page that leads to those which the index does not name, so that the site has every page that is written."""
+    named = (docs / "index.md").read_text(encoding="utf-8").splitlines()
+    pages = sorted(page.relative_to(docs).with_suffix("").as_posix() for page in docs.rglob("*.md"))
+    rest = [page for page in pages if page not in named and page != "index" and not page.startswith("_build")]
+    lines = [*_heading("More", "="), *([".. toctree::", ""] if rest else ["Every page is named in the index."])]
+    path.write_text("\n".join([*lines, *(f"   /{page}" for page in rest)]) + "\n", encoding="utf-8")
+
+
 def _heading(text: str, mark: str) -> list[str]:
     return [text, mark * len(text), ""]
 

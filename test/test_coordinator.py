@@ -50,6 +50,7 @@ def test_all_have_to_be_there_before_it_begins(monkeypatch: pytest.MonkeyPatch) 
     [
         ({"node": "/other"}, r"^node /other: of scenario 'wu2018' is in this ROS domain"),
         ({"digest": "x", "scenario": "mine"}, r"^node /sensor: was started with another scenario \('mine', x\)"),
+        ({"clock": "wall"}, r"^node /sensor: runs in wall time\n  expected: simulated time, as the other nodes"),
     ],
 )
 def test_who_does_not_belong_here_is_named(

@@ -161,6 +161,15 @@ def test_who_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert watched.watch.fits()
 
 
+def test_two_of_one_role_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch)
+    watched.publisher()
+    watched.bus.node("other").create_publisher(Point32, ANSWERS, DATA)
+    assert not watched.watch.fits()
+    watched.clock.now += 1.0
+    assert watched.watch.misfits() == [f"/far/theirs and /other publish on {ANSWERS}; expected: one of them"]
+
+
 def test_misfits_are_told_once_and_not_too_often(monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(monkeypatch)
     watched.publisher(Vector3)

@@ -27,6 +27,8 @@ COMMANDS = [
 ]
 # Not again from inside the tests: the tests themselves, and what takes minutes (test_reproduce.py tries a short one).
 ELSEWHERE = ("./scripts/test", "./scripts/bench", "./scripts/etac reproduce", "./scripts/etac tradeoff")
+REAL_TIME = "--clock wall"
+"""Takes as long as it says: test_wall_ros.py and test_wall_compare.py run shorter ones."""
 NEEDS_OTHERS = ("node ", "external=true", "ros2 run", "--only")
 
 
@@ -54,7 +56,11 @@ def test_the_two_commands_come_first() -> None:
 
 @pytest.mark.parametrize(
     "command",
-    [c for c in COMMANDS if not c.startswith(ELSEWHERE) and not any(words in c for words in NEEDS_OTHERS)],
+    [
+        c
+        for c in COMMANDS
+        if not c.startswith(ELSEWHERE) and not any(words in c for words in (*NEEDS_OTHERS, REAL_TIME))
+    ],
 )
 def test_command(command: str, folder: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *sys.path])}
@@ -98,16 +104,13 @@ def test_files_that_the_readme_links_to_exist() -> None:
         assert (ROOT / target).exists(), target
 
 
-def test_pages_link_to_what_is_there_and_the_site_has_them_all() -> None:
+def test_pages_link_to_what_is_there() -> None:
     # Sphinx looks after links between pages; those to files of the repository are looked after here.
     docs = ROOT / "docs"
-    index = (docs / "index.md").read_text(encoding="utf-8")
     for page in docs.rglob("*.md"):
         text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
         for target in re.findall(r"\]\(([^)#\s]+)", text):
             assert "://" in target or (page.parent / target).exists(), f"{page.name}: {target}"
-        name = str(page.relative_to(docs).with_suffix(""))
-        assert name == "index" or f"\n{name}\n" in index, f"index.md leaves out {name}"
 
 
 @pytest.mark.parametrize(

@@ -29,12 +29,6 @@ def test_a_tool_reads_parameters_sets_none_and_hears_what_is_said(tmp_path: Path
     assert "read-only" in seen["why"]
     assert any(line.startswith("sensor: ") for line in seen["heard"])
     assert waiting.poll() is None
-    # It is a node of a run all the same.
-    others = [start("-m", "etac_ros", "node", name, str(file)) for name in ("plant", "controller", "actuator")]
-    recorder = start("-m", "etac_ros", "node", "recorder", str(file), "--bag", "bag")
-    for process in (*others, recorder, waiting):
-        output, _ = process.communicate(timeout=LIMIT_S)
-        assert process.returncode == 0, output
 
 
 def test_every_scenario_is_made_of_what_ros_takes_for_parameters() -> None:

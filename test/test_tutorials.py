@@ -115,6 +115,7 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lease
 def test_every_example_is_on_a_page() -> None:
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     text = "".join(page.read_text(encoding="utf-8") for page in pages)
-    for example in (ROOT / "examples").iterdir():
-        if example.is_file():
-            assert example.name in text, example
+    examples = [path for path in (ROOT / "examples").iterdir() if path.is_file()]
+    code = "".join(path.read_text(encoding="utf-8") for path in examples)
+    for example in examples:
+        assert example.name in text or f"from {example.stem} import" in code, example

@@ -138,6 +138,7 @@ class CoordinatorNode(Convener):
         self.foreign.check_present()
         if words := self.foreign.slow():
             self.say(words)
+        self._go_on()
 
     def _blame_who_is_quiet(self) -> None:
         self.foreign.blame()
@@ -174,8 +175,7 @@ class CoordinatorNode(Convener):
     def _on_recorded(self, content: Any, sequence: int) -> None:
         self._heard = time.monotonic()
         self._recorded = content["log"]
-        if self._logs - self._recorded < _LOGS_AHEAD:
-            self._dispatcher.resume()
+        self._go_on()
 
     def _on_effect(self, effect: Effect) -> None:
         match effect:
@@ -186,6 +186,16 @@ class CoordinatorNode(Convener):
             case _:
                 self.end("")
 
+    def _go_on(self) -> None:
+        """End a pause, unless there is still a reason for it."""
+        if self._logs - self._recorded < _LOGS_AHEAD and not self._is_ahead():
+            self._dispatcher.resume()
+
+    def _is_ahead(self) -> bool:
+        """Whether simulated time has run ahead of the pace that was asked for."""
+        pace = self.plan.pace
+        return pace is not None and self._seconds() > pace * (time.perf_counter() - self.began)
+
     def _on_step(self) -> None:
         now = time.perf_counter()
         if now - self._stepped > _SLOW_STEP_S and self._stepped:
@@ -193,6 +203,8 @@ class CoordinatorNode(Convener):
         self._stepped = now
         if now - self._told > _TELL_EVERY_S or len(self.master.message_log) > _LOG_MESSAGES:
             self._tell()
+        if self._is_ahead():
+            self._dispatcher.pause()
 
     def _tell(self) -> None:
         """Message log for the recorder, clock for ROS tools, progress for people."""

@@ -30,10 +30,13 @@ class RealTime:
         Simulated seconds a second.
     strict
         Whether the first missed tick ends the run.
+    priority
+        Of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary one.
     """
 
     rate: Fraction
     strict: bool = False
+    priority: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class Plan:
         How long a node may owe an answer, or stand still, before it is reported [s].
     wall
         How it runs in real time; None for simulated time.
+    pace
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
     parameters
         What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
         it would make slower.
@@ -69,6 +74,7 @@ class Plan:
     token: str = ""
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
+    pace: float | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
 
     @property

@@ -52,7 +52,8 @@ class RunNode:
             base,
             namespace=namespace or "/",
             context=context,
-            enable_rosout=plan.parameters is not None,
+            # In simulated time of a launched run both would cost, and nobody waits for it.
+            enable_rosout=plan.parameters is not None or plan.wall is not None,
             start_parameter_services=plan.parameters is not None,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
