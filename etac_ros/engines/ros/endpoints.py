@@ -230,10 +230,6 @@ class Subscription:
         self._matched = self._matched or bool(self._node.count_publishers(self.topic))
         return self._matched
 
-    def missing(self) -> str:
-        """What is missing here, in words."""
-        return f"{self.topic} (no publisher)"
-
     def deserted(self) -> bool:
         """Whether no publisher is there any more."""
         return not self._node.count_publishers(self.topic)

@@ -11,7 +11,7 @@ from typing import Any
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph, Link, Reliability
-from etac_ros.graph.topics import ledger_topic, next_topic, truth_topic, window_topic
+from etac_ros.graph.topics import RECORDED, ledger_topic, next_topic, truth_topic, window_topic
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.windows import WindowPolicy
 
@@ -136,7 +136,7 @@ class Plan:
         for name in self.graph.modules:
             if topic in (window_topic(name), truth_topic(name), next_topic(name), ledger_topic(name)):
                 return name
-        return COORDINATOR
+        return RECORDER if topic == RECORDED else COORDINATOR
 
     def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
         """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""

@@ -156,9 +156,14 @@ class RunNode:
         )
 
     def missing(self) -> list[str]:
-        """Topics whose other end is not there, in words."""
-        ends: list[Publisher | Subscription] = [*self._publishers, *self._subscriptions]
-        return sorted({end.missing() for end in ends if not end.matched})
+        """Topics whose other end is not there, in words, each with who should be."""
+        unheard = {publisher.missing() for publisher in self._publishers if not publisher.matched}
+        silent = {subscription.topic for subscription in self._subscriptions if not subscription.matched}
+        return sorted(unheard | {f"{topic} (no publisher: {self._sender_of(topic)})" for topic in silent})
+
+    def _sender_of(self, topic: str) -> str:
+        sender = self.plan.sender_of(topic)
+        return f"{sender}, a foreign node" if sender in self.plan.graph.external else sender
 
     def deserted(self) -> list[str]:
         """Nodes that should send something to this one, and are not there."""
