@@ -267,6 +267,9 @@ class Subscription:
             remedy = f"its link is best effort, and DDS has lost messages: reliability: reliable. Or else, {remedy}"
         elif self._qos.history < USUAL_QOS.history:
             remedy = f"its link keeps {self._qos.history} messages: a longer history. Or else, {remedy}"
+        there = sorted({name_of(end) for end in self._node.get_publishers_info_by_topic(self.topic)})
+        if len(there) > 1:
+            remedy = f"{' and '.join(there)} publish on it: one of them does not belong here"
         return RunError(
             f"topic {self.topic}",
             f"message {number} of its publisher came as number {self.count.messages}",
