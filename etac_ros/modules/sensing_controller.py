@@ -196,9 +196,11 @@ class SensingController(Module):
         parts, before, row = [], [], 0
         while row < len(all_samples):
             tick = first + row
-            samples = np.ascontiguousarray(all_samples[row : row + _AT_ONCE])
+            edges = [edge - tick for fault in self.context.down for edge in fault if edge > tick]
+            samples = np.ascontiguousarray(all_samples[row : row + min([_AT_ONCE, *edges])])
             commands, memories = self.law.fold(samples, tick, memory)
-            fires = hold.first(commands, tick)
+            is_down = any(start <= tick < until for start, until in self.context.down)
+            fires = None if is_down else hold.first(commands, tick)
             last = len(samples) - 1 if fires is None else fires - tick
             parts.append(commands[: last + 1])
             before += [memory[np.newaxis], memories[:last]]

@@ -50,6 +50,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         *tables.wire_tables(view),
         tables.medium_table(view),
         tables.hold_table(view),
+        tables.fault_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),
