@@ -33,7 +33,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11,<3.13",
     packages=find_packages(include=["etac_ros", "etac_ros.*"]),
-    package_data={"etac_ros": ["**/*.json", "**/*.xml", "**/*.yaml", "py.typed"]},
+    package_data={"etac_ros": ["**/*.js", "**/*.json", "**/*.xml", "**/*.yaml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/etac_ros"]),
         ("share/etac_ros", ["package.xml"]),
@@ -60,11 +60,13 @@ setup(
         *([] if jazzy_is_sourced() else ROS_WHEELS),
     ],
     extras_require={
+        "browser": ["playwright"],  # and a Chromium: the slow tests of the report's page
         "cluster": ["distributed"],
         "live": ["foxglove-sdk"],
         "mutation": ["cosmic-ray"],
         "test": [
             "colcon-common-extensions",
+            "cyclonedds",
             "distributed",
             "foxglove-sdk",
             "hypothesis",

@@ -36,9 +36,12 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
+from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
+from etac_ros.metrics.clocks import with_delayed_torques
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
+from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
@@ -51,6 +54,8 @@ _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
+_LOOKED_AHEAD_S = 0.1
+"""How far a run that is slowed down is computed ahead of what is shown [wall s]."""
 SCENARIO_ATTACHMENT = "scenario.yaml"
 _warm: set[str] = set()
 """Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
@@ -104,6 +109,7 @@ def warm_up(scenario: Scenario) -> None:
     if scenario.digest in _warm:
         return
     _warm.add(scenario.digest)
+    import_numba()
     graph = scenario.build()
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
@@ -156,13 +162,17 @@ def open_bag(
     if wall is not None:
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state)
+        state = None if state is None else state_streams(scenario, wall)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall)
 
 
-def state_streams(scenario: Scenario) -> StateStreams | None:
-    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none."""
+def state_streams(scenario: Scenario, wall: WallClock | None = None) -> StateStreams | None:
+    """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none.
+
+    ``wall`` is the clock of a run in real time.
+    """
     rate_hz = scenario.run.state_rate_hz
-    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz)
+    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz, wall)
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
@@ -188,7 +198,44 @@ def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     return tuple(TopicDescription(ledger_topic(name), TABLE_TYPE, "emulation") for name in own)
 
 
-def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
+def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
+    """Windows of a run that is slowed down: none reaches further ahead than one looks.
+
+    Raises
+    ------
+    ScenarioError
+        If the pace is none.
+    """
+    if pace is None:
+        return windows
+    if not 0.0 < pace < float("inf"):
+        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
+    longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
+    return WindowPolicy(min(windows.first, longest), longest)
+
+
+class Pace:
+    """Lets simulated time go no faster than a rate.
+
+    Parameters
+    ----------
+    rate
+        Simulated seconds a second; None never waits.
+    ticks_per_second
+        Rate of the tick grid [1/s].
+    """
+
+    def __init__(self, rate: float | None, ticks_per_second: int) -> None:
+        self._ticks_a_second = None if rate is None else rate * ticks_per_second
+        self._began = time.perf_counter()
+
+    def wait(self, tick: int) -> None:
+        """Wait until a tick's time has come."""
+        if self._ticks_a_second is not None:
+            time.sleep(max(0.0, self._began + tick / self._ticks_a_second - time.perf_counter()))
+
+
+def run_in_process(scenario: Scenario, bag: Path | None = None, pace: float | None = None) -> Run:
     """Run a scenario by calls, in this process.
 
     Parameters
@@ -197,6 +244,8 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         What to run.
     bag
         Directory of a bag to write; None writes none.
+    pace
+        Simulated seconds a second at most; None lets it run. No bit depends on it.
 
     Raises
     ------
@@ -209,7 +258,7 @@ def run_in_process(scenario: Scenario, bag: Path | None = None) -> Run:
         check_writable(bag)
     checked_graph(scenario)
     warm_up(scenario)
-    run, tick = _simulated(scenario, scenario.build(), began, bag)
+    run, tick = _simulated(scenario, scenario.build(), began, bag, pace)
     _raise_if_halted(scenario, run.summary.halted, tick)
     return run
 
@@ -257,12 +306,21 @@ def simulate(scenario: Scenario) -> Run:
     return _simulated(scenario, scenario.build(), began, None)[0]
 
 
-def _simulated(scenario: Scenario, graph: Graph, began: float, bag: Path | None) -> tuple[Run, int]:
+def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
+    """Run a scenario by calls with torques that act so many ticks later, as they do in real time."""
+    began = time.perf_counter()
+    return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
+
+
+def _simulated(
+    scenario: Scenario, graph: Graph, began: float, bag: Path | None, pace: float | None = None
+) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
-    engine = InProcess(graph, windows)
+    windows = short_windows(windows, pace, graph.ticks_per_second)
+    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
     started = time.perf_counter()
     recording = engine.run()
     ended = time.perf_counter()
@@ -304,10 +362,15 @@ class RosOptions:
         Simulated seconds a second, for a run in real time; None runs in simulated time.
     strict
         In real time: the first missed tick ends the run.
+    pace
+        In simulated time: simulated seconds a second at most; None lets it run. No bit depends on it.
     capture
         Capture the frames of the run, and account for them. Where this process may not, the run goes on without.
     keep_capture
         Keep what was captured in this pcapng file.
+    priority
+        In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
+        one.
     """
 
     processes: str = "node"
@@ -319,6 +382,8 @@ class RosOptions:
     strict: bool = False
     capture: bool = False
     keep_capture: Path | None = None
+    pace: float | None = None
+    priority: int = 0
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -327,11 +392,13 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
     Raises
     ------
     ScenarioError
-        If it cannot.
+        If it cannot, or foreign nodes play roles that they can only play in real time.
     """
     if options.rate is None:
+        check_foreign(scenario.graph, str(scenario.path))
         return None
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.engines.ros.wall_time import check_priority
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
@@ -343,7 +410,8 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
-    return RealTime(rate_of(options.rate), options.strict)
+    check_priority(options.priority)
+    return RealTime(rate_of(options.rate), options.strict, options.priority)
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
@@ -427,13 +495,23 @@ def run_over_ros(
     from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     began = time.perf_counter()
-    windows = windows_of(scenario)
+    windows = short_windows(windows_of(scenario), options.pace, scenario.run.ticks_per_second)
     check_writable(bag)
     graph = checked_graph(scenario)
     wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    plan = Plan(scenario.name, scenario.digest, graph, windows, options.record_windows, token, options.quiet_s, wall)
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        graph,
+        windows,
+        options.record_windows,
+        token,
+        options.quiet_s,
+        wall,
+        options.pace,
+    )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,13 +36,13 @@ class Handle:
 
     def __init__(self) -> None:
         self.pointer = next(Handle.pointers)
-        self.waiting: deque[tuple[bytes, int]] = deque()
+        self.waiting: deque[tuple[bytes, int, int]] = deque()
 
     def take_message(self, kind: type, raw: bool) -> tuple[Any, dict[str, int]] | None:
         if not self.waiting:
             return None
-        data, number = self.waiting.popleft()
-        info = {"publication_sequence_number": number, "source_timestamp": 0, "received_timestamp": 0}
+        data, number, published_ns = self.waiting.popleft()
+        info = {"publication_sequence_number": number, "source_timestamp": published_ns, "received_timestamp": 0}
         return data if raw else deserialize_message(data, kind), info
 
 
@@ -65,6 +66,8 @@ class Bus:
         self.writers: list[End] = []
         self.readers: list[End] = []
         self.acknowledges = True
+        self.published = count(1)
+        """Times of publication [ns]."""
 
     def node(self, name: str, namespace: str = "/", **_: Any) -> Node:
         return Node(self, name, namespace)
@@ -97,7 +100,7 @@ class Node:
         if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL:
             for writer in self._bus.on(self._bus.writers, topic):
                 if writer.sent and writer.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-                    end.handle.waiting.append((writer.sent[-1], len(writer.sent)))
+                    end.handle.waiting.append((writer.sent[-1], len(writer.sent), 0))
         return end
 
     def get_subscriptions_info_by_topic(self, topic: str) -> list[End]:
@@ -120,8 +123,9 @@ class FakePublisher:
     def publish(self, message: Any) -> None:
         data = message if isinstance(message, bytes) else serialize_message(message)
         self.end.sent.append(data)
+        published_ns = next(self._bus.published)
         for reader in self._bus.on(self._bus.readers, self.end.topic):
-            reader.handle.waiting.append((data, len(self.end.sent)))
+            reader.handle.waiting.append((data, len(self.end.sent), published_ns))
 
     def get_subscription_count(self) -> int:
         return len(self._bus.on(self._bus.readers, self.end.topic))

@@ -11,6 +11,8 @@ from rosbags.highlevel import AnyReader
 
 from etac_ros.bag.describe import describe
 from etac_ros.bag.markers import arrow_tips
+from etac_ros.bag.read import read_bag
+from etac_ros.bag.run_metadata import wall_clock
 from etac_ros.bag.state import quaternions_of
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.plant import PlantModule
@@ -192,3 +194,18 @@ def test_arrows_shrink_by_a_quarter_a_decade() -> None:
     torques = np.array([[1.0, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 1e-9], [0.0, 0.0, 0.0], [0.0, 1e9, 0.0]])
     tips: FloatArray = arrow_tips(torques)
     assert np.linalg.norm(tips, axis=1).tolist() == [1.0, 0.5, 0.0, 0.0, 2.0]
+
+
+def test_in_real_time_the_state_stands_at_the_instants_of_its_ticks_and_tells_no_torque(tmp_path: Path) -> None:
+    scenario = load("wu2018", None, ["duration_s=20"])
+    run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=200.0))
+    (metadata,) = [read_bag(tmp_path / "bag").metadata]
+    wall = wall_clock(metadata)
+    assert wall is not None
+    with AnyReader([tmp_path / "bag"]) as reader:
+        topics = set(reader.topics)
+        chosen = [c for c in reader.connections if c.topic == "/state/plant/attitude"]
+        times = [time_ns for _, time_ns, _ in reader.messages(connections=chosen)]
+    assert not any("torque" in topic for topic in topics if topic.startswith("/state/"))
+    assert times == [wall.instant_ns(tick) for tick in range(0, 2 * len(times), 2)]
+    assert len(times) > 200

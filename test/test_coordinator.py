@@ -50,6 +50,7 @@ def test_all_have_to_be_there_before_it_begins(monkeypatch: pytest.MonkeyPatch) 
     [
         ({"node": "/other"}, r"^node /other: of scenario 'wu2018' is in this ROS domain"),
         ({"digest": "x", "scenario": "mine"}, r"^node /sensor: was started with another scenario \('mine', x\)"),
+        ({"clock": "wall"}, r"^node /sensor: runs in wall time\n  expected: simulated time, as the other nodes"),
     ],
 )
 def test_who_does_not_belong_here_is_named(
@@ -93,7 +94,9 @@ def test_who_has_not_appeared_is_named(monkeypatch: pytest.MonkeyPatch, capsys: 
     one.coordinator.idle(patient=False)
     one.clock.now += 0.2
     one.coordinator.idle(patient=True)
-    assert f"{COORDINATOR}: still waiting for {', '.join(missing)}" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert not said.out
+    assert f"{COORDINATOR}: in ROS domain 0, still waiting for {', '.join(missing)}" in said.err
     one.coordinator.idle(patient=False)  # it has just been said
     one.clock.now += one.plan.quiet_s + 0.1
     with pytest.raises(RunError, match=f"^node {', '.join(missing)}: has not appeared within 20 s"):

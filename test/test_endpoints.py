@@ -128,7 +128,7 @@ def test_a_gap_and_a_message_twice_are_noticed(numbers: list[int], found: int, a
     bus = Bus()
     end, taken = listener(bus, "ear")
     data = serialize_message(String(data="x"))
-    end.handle.waiting.extend((data, number) for number in numbers)
+    end.handle.waiting.extend((data, number, 0) for number in numbers)
     with pytest.raises(RunError, match=f"topic {TOPIC}: message {found} of its publisher came as number {after}"):
         end.take()
     assert [number for _, number in taken] == numbers[:-1]
@@ -169,7 +169,7 @@ def test_a_foreign_publisher_counts_from_the_beginning_of_the_run() -> None:
     end.take()
     assert taken == [("a", 1), ("b", 2), ("c", 3)]
     assert (end.count.messages, end.strangers) == (3, 2)
-    end.handle.waiting.append((serialize_message(String(data="x")), 7))
+    end.handle.waiting.append((serialize_message(String(data="x")), 7, 0))
     with pytest.raises(RunError, match="message 5 of its publisher came as number 4"):
         end.take()
 

@@ -26,26 +26,37 @@ QUESTIONS = "/filtered_error"
 class Watched:
     """A run of wu2018 whose controller is foreign; ``sent`` is what is known to be owed."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, *overrides: str) -> None:
+    def __init__(self, patch: pytest.MonkeyPatch, *overrides: str, token: str = "") -> None:
         scenario = load("wu2018", None, ["duration_s=10", *(overrides or ("controller.external=true",))])
-        self.plan = Plan(scenario.name, scenario.digest, scenario.build(), USUAL_WINDOWS)
+        self.plan = Plan(scenario.name, scenario.digest, scenario.build(), USUAL_WINDOWS, token=token)
         self.bus = Bus()
         self._publisher: Any = None
+        self._asker: Any = None
         self.clock = Clock()
         patch.setattr(foreign, "time", self.clock)
         self.sent = dict.fromkeys(self.plan.graph.links, 0)
         self.ends: list[Subscription] = []
         self.watch = Foreign(self.plan, self.bus.node("coordinator"), self.sent, self._listen)  # type: ignore[arg-type]
 
-    def _listen(self, link: Link, callback: Any) -> Subscription:
+    def _listen(self, link: Link, callback: Any, foreign: bool) -> Subscription:
         kind = message_type(link.wire)
-        end = Subscription(self.bus.node("coordinator"), kind, link.topic, callback, raw=True, foreign=True)  # type: ignore[arg-type]
+        end = Subscription(self.bus.node("coordinator"), kind, link.topic, callback, raw=True, foreign=foreign)  # type: ignore[arg-type]
         end.open()
         self.ends.append(end)
         return end
 
     def publisher(self, kind: type = Point32, qos: QoSProfile = DATA) -> Any:
         return self.bus.node("theirs", "/far").create_publisher(kind, ANSWERS, qos)
+
+    def ask(self) -> None:
+        if self._asker is None:
+            self._asker = self.bus.node("sensor").create_publisher(Point32, QUESTIONS, DATA)
+        self._asker.publish(Point32())
+
+    def take(self, *topics: str) -> None:
+        for topic in topics:
+            (end,) = [end for end in self.ends if end.topic == topic]
+            end.take()
 
     def answer(self, times: int) -> None:
         if self._publisher is None:
@@ -150,6 +161,15 @@ def test_who_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert watched.watch.fits()
 
 
+def test_two_of_one_role_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch)
+    watched.publisher()
+    watched.bus.node("other").create_publisher(Point32, ANSWERS, DATA)
+    assert not watched.watch.fits()
+    watched.clock.now += 1.0
+    assert watched.watch.misfits() == [f"/far/theirs and /other publish on {ANSWERS}; expected: one of them"]
+
+
 def test_misfits_are_told_once_and_not_too_often(monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(monkeypatch)
     watched.publisher(Vector3)
@@ -170,3 +190,71 @@ def test_misfits_are_told_once_and_not_too_often(monkeypatch: pytest.MonkeyPatch
     ]
     watched.clock.now += 1.0
     assert watched.watch.misfits() == []
+
+
+@pytest.mark.parametrize("heard", [(QUESTIONS, ANSWERS), (ANSWERS, QUESTIONS)], ids=["in order", "overtaken"])
+def test_who_answers_when_asked_is_left_in_peace(heard: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch, token="x")
+    for count in (1, 2, 3):
+        watched.ask()
+        watched.answer(0)
+        watched._publisher.publish(Point32())
+        watched.sent["torque_command"] = count
+        watched.take(*heard)
+        assert watched.watch.complete()
+    watched.watch.check_all_counted()
+
+
+@pytest.mark.parametrize("heard", [(QUESTIONS, ANSWERS), (ANSWERS, QUESTIONS)], ids=["in order", "overtaken"])
+def test_a_message_before_its_question_is_proof_of_a_timer(
+    heard: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched = Watched(monkeypatch, token="x")
+    watched.ask()
+    watched.sent["torque_command"] = 1
+    watched.answer(2)  # the second by itself: one ahead, which the counts alone allow
+    watched.sent["torque_command"] = 2
+    watched.ask()
+    message = rf"node /controller, topic {ANSWERS}: its message 2 was published .* before the one that it should answer"
+    with pytest.raises(CountMismatch, match=message):
+        watched.take(*heard)
+
+
+def test_an_answer_whose_question_has_not_been_heard_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch, token="x")
+    watched.ask()
+    watched.sent["torque_command"] = 1
+    watched.answer(1)
+    assert not watched.watch.complete()
+    watched.take(QUESTIONS)
+    assert watched.watch.complete()
+
+
+def test_clocks_of_several_machines_prove_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch)
+    assert [end.topic for end in watched.ends] == [ANSWERS]
+    assert watched.plan.listeners(watched.plan.graph.links["filtered_error"]) == (("/recorder",), 1)
+    at_once = Watched(monkeypatch, token="x")
+    assert at_once.plan.listeners(at_once.plan.graph.links["filtered_error"]) == (("/recorder", "/coordinator"), 1)
+
+
+def test_who_is_waited_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch)
+    assert watched.watch.slow() == ""
+    watched.sent["torque_command"] = 3
+    watched.answer(2)
+    assert watched.watch.slow() == ""
+    watched.clock.now += 1.9
+    assert watched.watch.slow() == ""
+    watched.clock.now += 0.2
+    said = watched.watch.slow()
+    assert said.startswith(f"waiting for /controller to answer on {ANSWERS}: of 3 answers there came 2; after ")
+    watched.clock.now += 5.0
+    assert watched.watch.slow() == ""
+
+
+def test_who_is_absent_is_named_with_its_topic(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch)
+    assert watched.watch.absent() == [f"/controller (no publisher of {ANSWERS} that fits)"]
+    watched.publisher()
+    assert watched.watch.absent() == []

@@ -27,6 +27,8 @@ COMMANDS = [
 ]
 # Not again from inside the tests: the tests themselves, and what takes minutes (test_reproduce.py tries a short one).
 ELSEWHERE = ("./scripts/test", "./scripts/bench", "./scripts/etac reproduce", "./scripts/etac tradeoff")
+REAL_TIME = "--clock wall"
+"""Takes as long as it says: test_wall_ros.py and test_wall_compare.py run shorter ones."""
 NEEDS_OTHERS = ("node ", "external=true", "ros2 run", "--only")
 
 
@@ -54,7 +56,11 @@ def test_the_two_commands_come_first() -> None:
 
 @pytest.mark.parametrize(
     "command",
-    [c for c in COMMANDS if not c.startswith(ELSEWHERE) and not any(words in c for words in NEEDS_OTHERS)],
+    [
+        c
+        for c in COMMANDS
+        if not c.startswith(ELSEWHERE) and not any(words in c for words in (*NEEDS_OTHERS, REAL_TIME))
+    ],
 )
 def test_command(command: str, folder: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *sys.path])}

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from base64 import b64decode
 from dataclasses import replace
 from datetime import date
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -16,10 +21,11 @@ from etac_ros.metrics import curves
 from etac_ros.metrics.summary import summarise
 from etac_ros.report import tables, write_report
 from etac_ros.report.figures.registry import FIGURES
-from etac_ros.report.figures.style import LIGHT
-from etac_ros.report.page import page
+from etac_ros.report.figures.style import LIGHT, rendered
+from etac_ros.report.page import MOST_BYTES, Drawn, page
 from etac_ros.report.source import ReportedRun, read_run
 from etac_ros.report.view import View
+from etac_ros.report.write import baseline_beside
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.scenario.places import config_folders
@@ -77,6 +83,24 @@ def png_in(uri: str | None) -> bytes:
     return b64decode(data, validate=True)
 
 
+def without_scripts(text: str) -> str:
+    return re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+
+
+def data_of(html: Path) -> Any:
+    (found,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', html.read_text(encoding="utf-8"))
+    return json.loads(found)
+
+
+def unpacked(packed: dict[str, str]) -> Any:
+    return np.frombuffer(b64decode(packed["bdata"]), dtype="<f4")
+
+
+def drawn_of(run: ReportedRun) -> list[Drawn]:
+    kind = FIGURES[0]
+    return [Drawn(kind, rendered(partial(kind.draw, View(run)), kind.size_in(View(run))))]
+
+
 def cells(table: tables.Table | None, first: str) -> dict[str, str]:
     """One row of a table by its headings; of equal headings the first counts."""
     assert table is not None
@@ -92,8 +116,9 @@ def test_the_report_stands_in_the_bag_unless_told_otherwise(html: Path, folder: 
 
 def test_the_page_needs_nothing_but_itself(html: Path) -> None:
     text = html.read_text(encoding="utf-8")
-    for forbidden in ("http:", "https:", "file:", "url(", "@import", "<script", "<link", "<iframe"):
-        assert forbidden not in text
+    assert "default-src 'none'" in text  # so the browser sees to it, too
+    for forbidden in ("http:", "https:", "file:", "url(", "@import", "<link", "<iframe"):
+        assert forbidden not in without_scripts(text)
     for _, attributes in Tags(text).found:
         for name in ("src", "srcset", "href", "data", "poster"):
             assert attributes.get(name, "data:") is not None
@@ -104,18 +129,90 @@ def test_every_figure_is_on_the_page_light_and_dark_and_in_words(html: Path) -> 
     tags = Tags(html.read_text(encoding="utf-8"))
     shown = [attributes["id"] for attributes in tags.named("figure")]
     assert shown == [
-        "overview", "attitude", "rate", "torque", "signal", "network", "margin", "intervals", "bytes", "raster",
-        "energy", "lyapunov",
+        "overview", "turning", "attitude", "rate", "torque", "signal", "network", "margin", "intervals", "bytes",
+        "raster", "energy", "lyapunov",
     ]  # fmt: skip
-    for picture in (tags.named("img"), tags.named("source")):
-        assert len(picture) == len(shown)
-    for name, light, dark in zip(shown, tags.named("img"), tags.named("source"), strict=True):
-        assert light["alt"]
-        files = png_in(light["src"]), png_in(dark["srcset"]), (html.parent / f"{name}.png").read_bytes()
-        assert all(file.startswith(SIGNATURE) for file in files)
-        assert files[0] != files[1]
-        if name != "overview":
-            assert files[0] == files[2]
+    (light,), (dark,) = tags.named("img"), tags.named("source")  # what is no curve stays a picture
+    files = png_in(light["src"]), png_in(dark["srcset"]), (html.parent / "network.png").read_bytes()
+    assert all(file.startswith(SIGNATURE) for file in files)
+    assert files[0] != files[1]
+    assert files[0] == files[2]
+    plots = {tag["id"]: tag["aria-label"] for tag in tags.named("div") if tag.get("class") == "plot"}
+    assert set(plots) == {"turning-plot", *(f"plot-{name}" for name in shown if name not in ("network", "turning"))}
+    assert all(plots.values())
+    for name in shown:
+        if name != "turning":
+            assert (html.parent / f"{name}.png").read_bytes().startswith(SIGNATURE)
+
+
+def test_the_page_fits_into_a_letter(html: Path) -> None:
+    assert html.stat().st_size <= MOST_BYTES
+
+
+def test_interactive_figures_are_those_that_are_drawn(html: Path, folder: Path) -> None:
+    data = data_of(html)
+    view = View(read_run(folder / "run_2026_01_02"), (read_run(folder / "baseline"),))
+    for kind in FIGURES:
+        if kind.applies(view) and kind.name != "network":
+            figure = Figure(figsize=kind.size_in(view))
+            kind.draw(view, figure, LIGHT)
+            for axes, told in zip(figure.axes, data["figures"][kind.name]["axes"], strict=True):
+                lines = [line for line in axes.lines if line.get_transform() == axes.transData]
+                assert [trace["mode"] for trace in told["traces"]][: len(lines)] == [
+                    "markers" if line.get_linestyle() == "None" else "lines" for line in lines
+                ]
+                for line, trace in zip(lines, told["traces"], strict=False):
+                    ends = [float(value) for value in np.float32(line.get_xydata()[[0, -1]]).ravel()]
+                    x, y = unpacked(trace["x"]), unpacked(trace["y"])
+                    np.testing.assert_array_equal([x[0], y[0], x[-1], y[-1]], ends)
+                    np.testing.assert_array_equal(np.nanmax(y), np.float32(np.nanmax(line.get_ydata())))
+                assert told["ylabel"].replace("<br>", "\n") == axes.get_ylabel()
+    names = {trace["name"] for trace in data["figures"]["overview"]["axes"][0]["traces"]}
+    assert names == set(view.labels)
+
+
+def test_the_bodies_turn_as_they_did(html: Path, folder: Path) -> None:
+    turning = data_of(html)["turning"]
+    run = read_run(folder / "run_2026_01_02")
+    _, states = run.recording.samples("/plant")
+    (body,) = turning["bodies"]
+    ticks = np.round(unpacked(turning["times"]) * 32).astype(int)
+    assert (ticks[0], ticks[-1]) == (0, 6400)
+    assert body["name"] == "/plant"
+    np.testing.assert_array_equal(unpacked(body["q"]).reshape(-1, 4), np.float32(states[ticks, 0:4]))
+
+
+def test_what_a_bag_says_cannot_leave_the_data(html: Path) -> None:
+    run = read_run(html.parent.parent)
+    evil = run.scenario.run.model_copy(update={"title": "</script><script>alert(1)</script>"})
+    text = page(View(replace(run, scenario=replace(run.scenario, run=evil))), drawn_of(run))
+    assert "<script>alert" not in text
+
+
+def test_figures_for_papers_are_the_same_bytes_each_time(folder: Path, tmp_path: Path) -> None:
+    for place in ("a", "b"):
+        write_report(folder / "baseline", output=tmp_path / "report", figures=tmp_path / place)
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert {"attitude.pdf", "attitude.svg", "network.svg"} <= set(names)
+    assert (tmp_path / "a" / "attitude.pdf").read_bytes().startswith(b"%PDF")
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_baseline_that_the_run_wrote_is_found(tmp_path: Path) -> None:
+    record(tmp_path / "run", "duration_s=20")
+    assert baseline_beside(tmp_path / "run", read_run(tmp_path / "run")) == ()
+    record(tmp_path / "run_periodic", "duration_s=20", variant="periodic")
+    assert baseline_beside(tmp_path / "run", read_run(tmp_path / "run")) == (tmp_path / "run_periodic",)
+    assert baseline_beside(tmp_path / "run_periodic", read_run(tmp_path / "run_periodic")) == ()
+
+
+def test_the_headline_leaves_out_who_only_keeps_a_clock(tmp_path: Path) -> None:
+    run_in_process(load("qi2022", None, ["duration_s=10"]), tmp_path / "pair")
+    view = View(read_run(tmp_path / "pair"))
+    assert view.triggering_instants == view.run.summary.triggers["/pm/relative_sensor"].count < 200
+    record(tmp_path / "periodic", "duration_s=20", variant="periodic")
+    assert View(read_run(tmp_path / "periodic")).triggering_instants == 20
 
 
 def test_the_overview_is_as_large_as_a_readme_wants_it(html: Path) -> None:
@@ -140,7 +237,7 @@ def test_the_same_bag_gives_the_same_bytes_wherever_it_lies(html: Path, folder: 
 
 def test_no_wall_clock_stands_on_the_page(html: Path) -> None:
     # Without its pictures, in which any four digits may stand.
-    text = page(View(read_run(html.parent.parent)), [])
+    text = without_scripts(page(View(read_run(html.parent.parent)), []))
     assert "2026" not in text
     assert f"{date.today():%Y}" not in text
 
@@ -340,5 +437,5 @@ def test_identity_tells_how_to_run_it_again(folder: Path) -> None:
 def test_text_from_a_scenario_cannot_become_markup(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", 'title="<script>1</script> & more"', "duration_s=5")
     text = page(View(read_run(bag)), [])
-    assert "<script" not in text
+    assert text.count("<script") == 3  # the page's own: data, plotly, what draws
     assert "&lt;script&gt;1&lt;/script&gt; &amp; more" in text

@@ -116,11 +116,14 @@ def test_a_node_that_waits_names_what_may_keep_it_apart(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "ROS_DOMAIN_ID": str(lease.domain)}
     environment["ROS_DISCOVERY_SERVER"] = "127.0.0.1:11811"
     command = [sys.executable, "-m", "etac_ros", "node", "sensor", str(scenario), "--quiet-s", "5"]
-    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as waiting:
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as waiting:
         try:
             assert waiting.stdout is not None
             lines = iter(waiting.stdout.readline, "")
             told = next(line for line in lines if "still no other end" in line)
+            assert f"in ROS domain {lease.domain}, still no other end" in told
             assert "a possible cause: ROS_DISCOVERY_SERVER=127.0.0.1:11811" in told
         finally:
             waiting.terminate()

@@ -339,11 +339,6 @@ IN_THE_FILE: dict[str, tuple[str, str, list[str]]] = {
         "module: controller\n    reads: /plant",
         ["/controller.reads: a module that only answers"],
     ),
-    "a foreign sensor": (
-        "module: sensor",
-        "module: sensor\n    external: true",
-        ["/sensor.external: a foreign node cannot play /sensor"],
-    ),
     "a name that ROS refuses": (
         "/actuator:\n",
         "/my-actuator:\n",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
@@ -10,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hands import LIMIT_S, Start
 
 from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros.domain import DomainLease
 from etac_ros.errors import RunError, ScenarioError
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.report import write_report
@@ -76,6 +79,8 @@ def test_a_report_shows_what_the_terminal_showed(run: Run) -> None:
     page = write_report(run.bag).read_text()
     for words in ("Latency of topics", "From sample to torque", "Punctuality of nodes"):
         assert words in page
+    assert 'id="latency"' in page
+    assert (run.bag / "report" / "latency.png").stat().st_size > 10_000
 
 
 def test_strict_ends_a_run_at_a_rate_that_nobody_holds(tmp_path: Path) -> None:
@@ -95,6 +100,33 @@ def test_an_interrupted_run_leaves_a_readable_bag(tmp_path: Path) -> None:
     recording = read_bag(tmp_path / "bag").recording()
     assert recording.messages["filtered_error"]
     assert np.isfinite(recording.samples("/plant")[1]).all()
+
+
+def test_a_node_that_dies_ends_the_run_and_is_named(tmp_path: Path) -> None:
+    pids: dict[str, int] = {}
+
+    def kill(tick: int, fired: Mapping[str, int]) -> None:
+        if tick > 100 and "/controller" in pids:
+            os.kill(pids.pop("/controller"), signal.SIGKILL)
+
+    with pytest.raises(RunError, match=r"node /controller \(process \d+\): was killed by SIGKILL"):
+        run_over_ros(load("wu2018"), tmp_path / "bag", RosOptions(rate=20.0), kill, pids.update)
+    assert read_bag(tmp_path / "bag").recording().messages["filtered_error"]
+
+
+def test_a_listener_gets_diagnostics_and_the_clock(tmp_path: Path, start: Start, lease: DomainLease) -> None:
+    listener = start(str(Path(__file__).parent / "diagnostics_listener.py"))
+    assert listener.stdout is not None
+    assert listener.stdout.readline().strip() == "ready"
+    lease.release()
+    scenario = load("wu2018", None, ["duration_s=40"])
+    run_over_ros(scenario, tmp_path / "bag", RosOptions(domain=lease.domain, rate=20.0))
+    listener.send_signal(signal.SIGTERM)
+    heard = json.loads(listener.communicate(timeout=LIMIT_S)[0])
+    assert heard["clock"] == sorted(heard["clock"])
+    assert 0.0 <= heard["clock"][0] < heard["clock"][-1] <= 40.0
+    assert {f"etac_ros: {name}" for name in ("/plant", "/sensor", "/controller", "/actuator")} <= heard["nodes"].keys()
+    assert int(heard["nodes"]["etac_ros: /sensor"]["own acts"]) > 0
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.graph.graph import Graph
+from etac_ros.maths.wall_clock import WallClock
 
 _MOST_HELD_BYTES = 1024 * 1024
 _HELD_FOR_S = 0.5
@@ -57,6 +58,8 @@ class RunBag:
         is recorded too. None where everybody has the classes.
     state
         What shows the state of the bodies; None shows none.
+    wall
+        The instants of ticks in a run in real time: they are then the times of the state, too.
 
     Raises
     ------
@@ -75,6 +78,7 @@ class RunBag:
         extra: Sequence[TopicDescription] = (),
         derive_with: Graph | None = None,
         state: StateStreams | None = None,
+        wall: WallClock | None = None,
     ) -> None:
         derived = () if derive_with is None else derivations(derive_with)
         self._derived = {truth_topic(plant).name: [d for d in derived if d.plant == plant] for plant in graph.plants}
@@ -85,9 +89,12 @@ class RunBag:
         self._placed_ns = -1
         self._ticks_per_second = graph.ticks_per_second
         self._state = state
+        self._wall = wall
         self._plants = {truth_topic(plant).name: plant for plant in graph.plants}
         self._to_plants = {
-            link.topic: link for link in graph.links.values() if state is not None and state.hears(link.name)
+            link.topic: link
+            for link in graph.links.values()
+            if state is not None and wall is None and state.hears(link.name)
         }
         shown = () if state is None else state.topics
         self._writer = BagWriter(
@@ -155,10 +162,15 @@ class RunBag:
         self._state.take_message(link.name, sequence, tick, step, decode(link.wire.type_name, cdr))
 
     def _show(self, state: StateStreams, everything: bool) -> None:
-        until = sys.maxsize if everything else tick_of(self._placed_ns, self._ticks_per_second)
+        whole = everything or self._wall is not None  # in real time no torque is shown that would have to be waited for
+        until = sys.maxsize if whole else tick_of(self._placed_ns, self._ticks_per_second)
         for topic, cdr, tick, sequence in state.ready(until, everything):
-            published = tick_time_ns(tick, self._ticks_per_second)
-            self._writer.write(topic, cdr, log_time_ns(published, AFTER_ALL_STEPS), published, sequence)
+            if self._wall is None:
+                published = tick_time_ns(tick, self._ticks_per_second)
+                logged = log_time_ns(published, AFTER_ALL_STEPS)
+            else:
+                published = logged = self._wall.instant_ns(tick)
+            self._writer.write(topic, cdr, logged, published, sequence)
 
     def _may_go(self, held: _Held) -> bool:
         return (

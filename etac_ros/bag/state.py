@@ -34,6 +34,7 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import TF, TF_STATIC, state_topic
 from etac_ros.maths.quaternion import from_euler_321
 from etac_ros.maths.ticks import nanoseconds
+from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Body, bodies_of, errors_of, has_attitude, watches_of
 
@@ -124,12 +125,16 @@ class StateStreams:
         What runs; only what its plants are is asked of it.
     rate_hz
         As for :func:`period_ticks`.
+    wall
+        The instants of ticks in a run in real time; of such a run no torque is shown, since when it arrived only
+        ledgers tell, which come later.
     """
 
-    def __init__(self, graph: Graph, rate_hz: float | None = None) -> None:
+    def __init__(self, graph: Graph, rate_hz: float | None = None, wall: WallClock | None = None) -> None:
         period = period_ticks(graph, rate_hz)
         self._ticks_per_second = graph.ticks_per_second
-        self._plants = {name: _Plant(graph, name, period) for name in graph.plants}
+        self._plants = {name: _Plant(graph, name, period, wall is None) for name in graph.plants}
+        self._wall = wall
         self._fixed = [shape for plant in self._plants.values() for shape in plant.shapes]
         references = [plant.references for plant in self._plants.values()]
         placed = [
@@ -157,6 +162,9 @@ class StateStreams:
         """Take note of committed samples, from tick ``first`` on."""
         self._plants[plant].take_truth(first, samples)
 
+    def _time_ns(self, tick: int) -> int:
+        return nanoseconds(tick, self._ticks_per_second) if self._wall is None else self._wall.instant_ns(tick)
+
     def ready(self, until: int, everything: bool = False) -> Iterator[StateMessage]:
         """Messages that can be written, the topics of one plant after the other, each in the order of time.
 
@@ -179,7 +187,7 @@ class StateStreams:
             if not self._fixed_sent:
                 self._fixed_sent = True
                 yield from (StateMessage(topic.name, cdr, 0, 1) for topic, cdr in self._fixed)
-            times = np.array([nanoseconds(tick, self._ticks_per_second) for tick in samples.ticks.tolist()])
+            times = np.array([self._time_ns(tick) for tick in samples.ticks.tolist()])
             for stream in plant.streams:
                 try:
                     messages = stream.messages(samples, times)
@@ -198,13 +206,16 @@ def _speechless(plant: str, tick: int, wanted: str, error: Exception) -> RunErro
 
 
 class _Plant:
-    def __init__(self, graph: Graph, name: str, period: int) -> None:
+    def __init__(self, graph: Graph, name: str, period: int, with_torque: bool) -> None:
         module = graph.modules[name]
         assert isinstance(module, PlantModule)
         self.name = name
         self._plant = module.plant
         self._period = period
+        self._with_torque = with_torque
         hears = graph.hears[name]
+        # What an acknowledged link brings follows from a conversation, not from the message alone.
+        self._with_torque &= all(link.acknowledged is None for link in hears)
         self._order = {link.name: number for number, link in enumerate(hears)}
         self._ports = {link.name: link.receivers[name] for link in hears}
         self.ways = {link.name: Way(link.channel, name) for link in hears}
@@ -294,7 +305,7 @@ class _Plant:
             yield _vectors(topic(_VECTOR, "rate"), frame, partial(_rates, body))
             yield _vectors(topic(_VECTOR, "euler_error_deg"), parent, partial(self._euler_errors, body))
             self.shapes.append((topic(MARKERS_TYPE, SHAPE), _once(shape_mould(frame))))
-            if port.stop - port.start == 3:
+            if self._with_torque and port.stop - port.start == 3:
                 arrows = partial(_arrows, torque)
                 yield _vectors(topic(_VECTOR, "torque"), frame, torque)
                 yield _Stream(topic(MARKERS_TYPE, "torque_arrow"), torque_mould(frame), arrows, only_changes=True)

@@ -62,12 +62,13 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float, strict: bool = False) -> float | None:
-    """Simulated seconds a second; None in simulated time."""
+def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, priority: int = 0) -> float | None:
+    """Simulated seconds a second of a run in real time; None in simulated time."""
     if clock is ClockKind.wall:
-        return rate
-    if rate != 1.0 or strict:
-        raise ScenarioError("--strict" if strict else f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
+        return 1.0 if rate is None else rate
+    for option, is_given in {"--strict": strict, f"--priority {priority}": priority != 0}.items():
+        if is_given:
+            raise ScenarioError(option, "is for --clock wall", "", "add --clock wall")
     return None
 
 
@@ -89,8 +90,14 @@ class Format(StrEnum):
 
 
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
-Rate = Annotated[float, typer.Option(help="For --clock wall: simulated seconds a second.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(help="Simulated seconds a second: of real time (default: 1), or at most, to watch simulated time."),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="For --clock wall: end at the first missed tick.")]
+Priority = Annotated[
+    int, typer.Option(help="For --clock wall: real-time priority (SCHED_FIFO) of the processes, 1 to 99.")
+]
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a file in config/, or a path to one.", autocompletion=complete.scenarios)
 ]
@@ -151,8 +158,9 @@ def run(
         ),
     ] = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
+    priority: Priority = 0,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -172,9 +180,11 @@ def run(
         record_windows,
         only,
         quiet_s,
-        rate_of_clock(clock, rate, strict),
+        rate_of_clock(clock, rate, strict, priority),
         strict,
         capture,
+        rate if clock is ClockKind.sim else None,
+        priority,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -186,10 +196,26 @@ def compare(
         list[str] | None, typer.Option(help="A variant; repeatable. Default: the scenario's own.")
     ] = None,
     set_: Set = None,
+    clock: Clock = ClockKind.sim,
+    rate: Rate = 1.0,
+    priority: Priority = 0,
+    processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
+    bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
 ) -> None:
-    """Run variants in process and show them beside each other and beside the paper."""
+    """Run variants and show them beside each other and beside the paper; or one in real time beside simulated ones."""
     from etac_ros.cli.compare import compare as compare_variants
     from etac_ros.cli.show import make_console
+
+    speed = rate_of_clock(clock, rate, priority=priority)
+    if speed is not None:
+        from etac_ros.cli.compare_clocks import compare_clocks
+        from etac_ros.runs import RosOptions
+
+        if len(variant or ()) > 1:
+            raise ScenarioError("--variant", "is there more than once", "one, with --clock wall")
+        options = RosOptions(processes.value, rate=speed, priority=priority)
+        compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
+        return
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 
@@ -314,14 +340,17 @@ def robustness(
     factor: Annotated[
         float, typer.Option(min=1.0, help="A run holds up to so many times the steady error of ideal links.")
     ] = 3.0,
+    spacecraft: Annotated[
+        str, typer.Option(help="Sizes of a formation on its radio, with commas; empty for none.")
+    ] = "4,8,12,16,24,32",
     set_: Set = None,
-    write: Annotated[Path | None, typer.Option(help="Write the maps as Markdown.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all as Markdown, with pictures beside it.")] = None,
 ) -> None:
-    """Map loss and delay on the network to messages and steady error: which loops hold, and how far."""
+    """Map loss and delay to messages and steady error; cost of retransmission; how many spacecraft share a medium."""
     from etac_ros.cli.robustness import robustness_and_show
     from etac_ros.cli.show import make_console
 
-    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), make_console(), write)
+    robustness_and_show(scenarios or (), losses, delays, factor, set_ or (), spacecraft, make_console(), write)
 
 
 @app.command()
@@ -370,6 +399,21 @@ def layout(
         typer.echo(f"layout: {output / name}")
 
 
+@app.command()
+def contract(
+    scenario: ScenarioName,
+    node: Annotated[str, typer.Argument(help="Full name of a node, as /sensor.")],
+    variant: Variant = None,
+    set_: Set = None,
+) -> None:
+    """Print what a foreign node has to subscribe to and publish in the place of a node."""
+    from etac_ros.cli.contract import show_contract
+    from etac_ros.scenario.load import load
+    from etac_ros.tables.terminal import make_console
+
+    show_contract(load(scenario, variant, set_ or ()), node, make_console())
+
+
 @app.command("list")
 def list_(
     scenario: Annotated[
@@ -393,13 +437,18 @@ def node(
     bag: Annotated[Path | None, typer.Option(help="For /recorder: directory of the bag.")] = None,
     quiet_s: QuietS = QUIET_S,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     strict: Strict = False,
+    priority: Priority = 0,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict), strict)
+    if rate is not None and clock is ClockKind.sim:
+        raise ScenarioError(
+            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
+        )
+    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict, priority), strict, priority)
 
 
 @app.command()
@@ -434,6 +483,9 @@ def report(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="The run's bag; more of them are laid over it.")],
     output: Annotated[Path | None, typer.Option(help="Folder of the report; default: report in the first bag.")] = None,
     against: Annotated[list[Path] | None, typer.Option(help="One more bag, as if it stood behind the others.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write the figures as SVG and PDF there, for papers.")
+    ] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Import the classes of others that the bags name.")] = False,
 ) -> None:
     """Draw the paper's figures from bags alone: PNG files and one self-contained HTML page."""
@@ -445,7 +497,7 @@ def report(
     first, *others = bags
     unfinished = f"{output or first / 'report'} is not complete; the same command draws it anew"
     with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
-        page = write_report(first, [*others, *(against or ())], output, trust=trust, say=say)
+        page = write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures, say=say)
     typer.echo(f"report: {page}")
 
 
@@ -466,6 +518,24 @@ def export(
     folder = bag / "export" if output is None else output
     for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
         typer.echo(f"table: {path}")
+
+
+@app.command()
+def play(
+    bag: BagPath,
+    rate: Annotated[float, typer.Option(help="Seconds of the bag a second; inf: as fast as possible.")] = 1.0,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="A topic, or what it begins with; repeatable. Default: all but /emulation.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Publish /emulation too.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin only when somebody listens.")] = False,
+) -> None:
+    """Publish a bag as ROS topics, with /clock: for rviz, Foxglove's bridge, or a node of one's own."""
+    from etac_ros.cli.play import play_bag
+    from etac_ros.cli.show import make_console
+
+    play_bag(bag, rate, domain, topic or (), everything, wait, make_console())
 
 
 def _version(wanted: bool) -> None:

@@ -40,6 +40,7 @@ def play(
     quiet_s: float = QUIET_S,
     rate: float | None = None,
     strict: bool = False,
+    priority: int = 0,
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -53,7 +54,7 @@ def play(
         Directory of the bag, for the recorder.
     quiet_s
         How long a node may owe an answer before it is reported [s].
-    rate, strict
+    rate, strict, priority
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
 
     Raises
@@ -69,7 +70,7 @@ def play(
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
     from etac_ros.engines.ros.wall_host import host_of
 
-    wall = real_time(RosOptions(rate=rate, strict=strict), scenario)
+    wall = real_time(RosOptions(rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall)
     name = "/" + name.strip("/")

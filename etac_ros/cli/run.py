@@ -55,6 +55,8 @@ class RunRequest:
     strict: bool = False
     capture: str | None = None
     """The pcapng file to keep; empty keeps none; None captures nothing."""
+    pace: float | None = None
+    priority: int = 0
 
     @property
     def options(self) -> RosOptions:
@@ -69,6 +71,8 @@ class RunRequest:
             self.strict,
             self.capture is not None,
             Path(self.capture) if self.capture else None,
+            self.pace,
+            self.priority,
         )
 
 
@@ -79,6 +83,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.capture is not None:
         _check_capture(request)
+    if request.only is not None and request.pace is not None:
+        raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
     if request.only is not None:
         if request.engine != "ros":
             raise ScenarioError("--only", "is for --engine ros")
@@ -170,7 +176,7 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
 
 def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
     if request.engine == "inprocess":
-        return run_in_process(scenario, bag)
+        return run_in_process(scenario, bag, request.pace)
     assert bag is not None
     options = request.options
     columns = (

@@ -12,6 +12,7 @@ from etac_ros.bag.describe import TopicRow, describe
 from etac_ros.bag.recover import recover
 from etac_ros.capture.kept import read_from_bag
 from etac_ros.capture.model import data_frames
+from etac_ros.metrics.accounts import overflows
 from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
@@ -86,7 +87,12 @@ def run_tables(scenario: Scenario, summary: Summary) -> list[Table]:
     tables = [_figures([key for key in shown if key not in of_families], source, summary, bool(alike))]
     if alike:
         tables.append(_by_namespace(alike, source, summary))
-    tables += [_topics(summary), *_wire(summary), *_accounts(summary), _performance(summary)]
+    tables += [
+        _topics(summary),
+        *_wire(summary),
+        *_accounts(summary, scenario.run.ticks_per_second),
+        _performance(summary),
+    ]
     tables += [_watched(summary)] if summary.watches else []
     return tables + ([] if summary.real_time is None else real_time_tables(summary.real_time))
 
@@ -174,7 +180,7 @@ def _wire(summary: Summary) -> list[Table]:
     return [wire_table(summary.wire, {name: topic.kind for name, topic in summary.topics.items()})]
 
 
-def _accounts(summary: Summary) -> list[Table]:
+def _accounts(summary: Summary, ticks_per_second: int) -> list[Table]:
     """What became of messages on links that are not ideal, and what shared media carried; nothing for ideal links."""
     tables = []
     if summary.links:
@@ -187,7 +193,7 @@ def _accounts(summary: Summary) -> list[Table]:
             tables.append(Table("", ("link", *ACKNOWLEDGEMENT_ACCOUNT), rows))
     if summary.media:
         rows = tuple(Row((name, *medium_account_cells(account))) for name, account in summary.media.items())
-        tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows))
+        tables.append(Table("", ("medium", *MEDIUM_ACCOUNT), rows, overflows(summary.media, ticks_per_second)))
     if summary.holds:
         rows = tuple(Row((name, *hold_account_cells(account))) for name, account in summary.holds.items())
         tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))

@@ -26,6 +26,8 @@ class InProcess:
         How far plants compute ahead.
     trace
         Called with every order and its report; for tests and for teaching.
+    before
+        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class InProcess:
         graph: Graph,
         windows: WindowPolicy = USUAL_WINDOWS,
         trace: Callable[[Order, Report], None] | None = None,
+        before: Callable[[int], None] = lambda tick: None,
     ) -> None:
         self.master = TimeMaster(graph, windows)
         self.recording = Recording(
@@ -40,6 +43,7 @@ class InProcess:
         )
         self._graph = graph
         self._trace = trace
+        self._before = before
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
@@ -60,6 +64,7 @@ class InProcess:
         batches = self.master.run()
         orders = next(batches)
         while True:
+            self._before(self.master.tick)
             reports = [self._execute(order) for order in orders]
             try:
                 orders = batches.send(reports)

@@ -53,6 +53,7 @@ class Component:
         self.node = node
         self.owner = owner
         self.name = type(owner if named is None else named).__name__
+        self._takes: dict[tuple[str, str], bool] = {}
 
     def call(self, method: str, *arguments: Any, **named: Any) -> Any:
         """What a method returns, unchecked.
@@ -110,7 +111,10 @@ class Component:
 
     def takes(self, method: str, parameter: str) -> bool:
         """Whether a method has a parameter of a name: so a class says what it wants to be told."""
-        return takes(getattr(self.owner, method), parameter)
+        known = self._takes.get((method, parameter))
+        if known is None:
+            known = self._takes[method, parameter] = takes(getattr(self.owner, method), parameter)
+        return known
 
 
 def check_state_size(owner: object, plant: Plant) -> None:

@@ -75,6 +75,11 @@ def tell_numba() -> None:
         register_jitable(_waiting.pop())
 
 
+def import_numba() -> None:
+    """Import numba here, so that no module that first calls a kernel is blamed where that fails."""
+    import numba  # noqa: F401
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a compiled entry point. Called from Python with contiguous float64 arrays and integers only."""
     compiled: Callable[..., Any] | None = None

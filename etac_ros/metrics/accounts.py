@@ -7,7 +7,7 @@ those of the emulated air; what crossed DDS, each message once, is counted by to
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +21,7 @@ from etac_ros.graph.recording import Message, Recording
 from etac_ros.graph.replay import Delivery, conversation, deliveries
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds, seconds
 from etac_ros.media.frame import Fate, Outcome, landing_tick, link_and_place
+from etac_ros.media.medium import Full
 
 
 class _Model(BaseModel):
@@ -85,6 +86,9 @@ class MediumAccount(_Model):
         description="of senders and receivers while frames last, collided ones included; null without powers"
     )
     overflow_s: float | None = Field(description="when a frame was dropped first; null for never")
+    overflow_of: str | None = Field(
+        description="whose queue passed its length then; null for nobody's, as where only the latest value waits"
+    )
 
 
 _CONSERVED = ("delivered", "lost", "dropped", "given_up", "superseded", "under_way")
@@ -106,6 +110,17 @@ def link_accounts(graph: Graph, recording: Recording) -> dict[str, LinkAccount]:
         If messages are missing in the account, or are more than were sent.
     """
     return {name: _of_link(graph, recording, link) for name, link in graph.links.items() if not link.is_ideal}
+
+
+def overflows(media: Mapping[str, MediumAccount], ticks_per_second: int) -> tuple[str, ...]:
+    """In words: which queue passed its length, and at which tick."""
+    found = []
+    for name, account in media.items():
+        if account.overflow_of is not None and account.overflow_s is not None:
+            tick = landing_tick(round(account.overflow_s * NANOSECONDS), ticks_per_second)
+            when = f"at {account.overflow_s:.6g} s (tick {tick})"
+            found.append(f"medium {name}: the queue of {account.overflow_of} passed its length {when}")
+    return tuple(found)
 
 
 def medium_accounts(graph: Graph, recording: Recording) -> dict[str, MediumAccount]:
@@ -282,7 +297,8 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
     for fate in on_air:
         busy[fate.start_ns] = max(busy.get(fate.start_ns, 0), min(fate.end_ns, end) - fate.start_ns)
     air_time = sum(busy.values())
-    drops = [fate.end_ns for fate in fates if fate.outcome is Outcome.DROPPED]
+    first = next((fate for fate in fates if fate.outcome is Outcome.DROPPED), None)
+    overflows = first is not None and graph.media[name].queue_full is not Full.REPLACE
     return MediumAccount(
         frames=len(alone) + len(collided),
         collided=len(collided),
@@ -295,7 +311,8 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
         air_time_s=air_time / NANOSECONDS,
         utilisation=air_time / end,
         energy_j=None if powers is None else _energy(graph, on_air, powers, end),
-        overflow_s=min(drops) / NANOSECONDS if drops else None,
+        overflow_s=None if first is None else first.end_ns / NANOSECONDS,
+        overflow_of=lines[first.link].sender if first is not None and overflows else None,
     )
 
 

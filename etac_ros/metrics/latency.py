@@ -58,6 +58,21 @@ class Punctuality(BaseModel):
         return self.missed_ticks + self.stale_acts + self.starved
 
 
+class ForeignCounts(BaseModel):
+    """What went to a foreign node, and what came from it."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    asked: int = Field(description="messages that were sent to it")
+    came: int = Field(description="messages that it sent while the run lasted")
+    answers: bool = Field(description="whether it is one that answers each message with one on each topic")
+
+    @property
+    def fits(self) -> bool:
+        """Whether it did as it should, as far as counts tell."""
+        return not self.answers or self.came == self.asked
+
+
 class RealTimeAccount(BaseModel):
     """What a run in real time tells of time."""
 
@@ -70,6 +85,7 @@ class RealTimeAccount(BaseModel):
     )
     loops: dict[str, LoopLatency] = Field(description="by the topic of the link that leads to a plant")
     nodes: dict[str, Punctuality] = Field(description="by node")
+    foreign: dict[str, ForeignCounts] = Field(default={}, description="by foreign node")
     overruns: int = Field(description="missed ticks, stale acts and missing samples of all nodes")
     clock_stepped_s: float = Field(
         default=0.0, description="how far the wall clock was set while the run lasted, at the node that saw the most"
@@ -139,6 +155,7 @@ def real_time_account(graph: Graph, recording: Recording, stepped_s: float = 0.0
         },
         loops={topic: loop for topic, steps in loops.items() if (loop := _loop(steps)) is not None},
         nodes=nodes,
+        foreign={name: _foreign(graph, recording, name) for name in sorted(graph.external)},
         overruns=sum(node.overruns for node in nodes.values()),
         clock_stepped_s=stepped_s,
     )
@@ -223,6 +240,12 @@ def _loop(steps: Sequence[Step]) -> LoopLatency | None:
     ms = distribution((step.arrived_ns - step.instant_ns) * _MS for step in steps)
     ticks = distribution(float(step.felt - step.tick) for step in steps)
     return None if ms is None or ticks is None else LoopLatency(ms=ms, ticks=ticks)
+
+
+def _foreign(graph: Graph, recording: Recording, name: str) -> ForeignCounts:
+    asked = sum(len(recording.messages[link.name]) for link in graph.hears[name])
+    came = [len(recording.messages[link.name]) for link in graph.sends[name]]
+    return ForeignCounts(asked=asked, came=max(came, default=0), answers=graph.modules[name].answers)
 
 
 def _punctuality(entries: Sequence[Entry]) -> Punctuality:

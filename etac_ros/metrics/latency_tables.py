@@ -11,7 +11,9 @@ _SPREAD = ("least", "median", "99 %", "most")
 
 def real_time_tables(account: RealTimeAccount) -> list[Table]:
     """Latency of topics, from sample to torque, and how punctual the nodes were."""
-    return [table for table in (_latency(account), _loops(account), _nodes(account)) if table is not None]
+    return [
+        table for table in (_latency(account), _loops(account), _nodes(account), _foreign(account)) if table is not None
+    ]
 
 
 def _latency(account: RealTimeAccount) -> Table | None:
@@ -56,6 +58,15 @@ def _nodes(account: RealTimeAccount) -> Table | None:
         )
     columns = ("woke late [ms]", "acts", *_SPREAD, "missed", "late samples")
     return Table("Punctuality of nodes", columns, rows, tuple(notes)) if rows else None
+
+
+def _foreign(account: RealTimeAccount) -> Table | None:
+    rows = tuple(
+        Row((name, f"{counts.asked:,}", f"{counts.came:,}", "" if counts.fits else "not one answer to each message"))
+        for name, counts in account.foreign.items()
+    )
+    columns = ("foreign node", "messages to it", "from it", "remark")
+    return Table("Foreign nodes", columns, rows, texts=frozenset({"remark"})) if rows else None
 
 
 def _values(found: Distribution) -> tuple[float, ...]:

@@ -81,7 +81,10 @@ class Actuator(Module):
             self._limit = vector(parameters.limits)
         if parameters.time_to_live_s is not None:
             self.role = Role()
-            self.hold_ticks = whole_ticks(parameters.time_to_live_s, context.ticks_per_second)
+            try:
+                self.hold_ticks = whole_ticks(parameters.time_to_live_s, context.ticks_per_second)
+            except ValueError as error:
+                raise ValueError(f"time_to_live_s: {error}") from None
         self._safe: FloatArray = np.zeros(size) if parameters.safe_command is None else vector(parameters.safe_command)
         self._expires: int | None = None
         self._effectiveness = None if parameters.effectiveness is None else vector(parameters.effectiveness)

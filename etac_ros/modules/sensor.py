@@ -81,7 +81,6 @@ class Sensor(Module):
         super().__init__(context)
         if context.plant is None:
             raise ValueError("a sensor needs a plant, named by the key 'reads'")
-        check_state_size(signal, context.plant)
         self._sends_other = hasattr(signal, "sent")
         if self._sends_other and not hasattr(signal, "sent_size"):
             raise ValueError(f"{type(signal).__name__} has 'sent' and no 'sent_size'")
@@ -105,6 +104,7 @@ class Sensor(Module):
                 f"the plant's sensors draw {noise_width_of(context.plant)}"
             )
         self._sigmas = np.tile(sigmas, bodies)
+        check_state_size(signal, context.plant)
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
         self._memory: tuple[int, FloatArray, FloatArray] | None = None

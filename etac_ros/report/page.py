@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
+from importlib import resources
+from typing import Any
+
+from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
 from etac_ros import __version__
 from etac_ros.metrics.figures import FigureKey
@@ -12,7 +18,9 @@ from etac_ros.plain_text import one_line
 from etac_ros.report import tables
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Rendered
+from etac_ros.report.interactive import COLUMNS, colours_in_the_dark, spec
 from etac_ros.report.stylesheet import STYLESHEET
+from etac_ros.report.turning import turning
 from etac_ros.report.view import View
 from etac_ros.tables.html import html_section, line
 
@@ -25,9 +33,29 @@ class Drawn:
     files: Rendered
 
 
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
+)
+MOST_BYTES = 6_000_000
+"""Of a page: it should fit into a letter."""
+_FEWEST_COLUMNS = 40
+
+
 def page(view: View, drawn: list[Drawn]) -> str:
-    """The HTML text. The same bags give the same text: nothing of the wall clock or of paths stands in it."""
+    """The HTML text. The same bags give the same text: nothing of the wall clock or of paths stands in it.
+
+    Curves are thinned out until the page is no larger than :data:`MOST_BYTES`.
+    """
+    columns = COLUMNS
+    while len((text := _page(view, drawn, columns)).encode()) > MOST_BYTES and columns > _FEWEST_COLUMNS:
+        columns = columns * 2 // 3
+    return text
+
+
+def _page(view: View, drawn: list[Drawn], columns: int) -> str:
     run = view.run
+    specs = {figure.kind.name: spec(figure.files.figure, columns) for figure in drawn}
+    shown = {name: found for name, found in specs.items() if found is not None}
     title = run.scenario.run.title or run.scenario.name
     parts = [
         "<header>",
@@ -41,7 +69,10 @@ def page(view: View, drawn: list[Drawn]) -> str:
     overview = [figure for figure in drawn if figure.kind.name == "overview"]
     others = [figure for figure in drawn if figure.kind.name != "overview"]
     numbers = {figure.kind.name: number for number, figure in enumerate([*overview, *others], start=1)}
-    parts += [_figure(view, figure, numbers[figure.kind.name]) for figure in overview]
+    parts += [_figure(view, figure, numbers[figure.kind.name], figure.kind.name in shown) for figure in overview]
+    bodies = turning(run)
+    if bodies is not None:
+        parts.append(_turning(view))
     for table in (
         tables.published_table(view),
         tables.traffic_table(view),
@@ -60,7 +91,7 @@ def page(view: View, drawn: list[Drawn]) -> str:
         if table is not None:
             parts.append(html_section(table))
     parts.append("<h2>Figures</h2>")
-    parts += [_figure(view, figure, numbers[figure.kind.name]) for figure in others]
+    parts += [_figure(view, figure, numbers[figure.kind.name], figure.kind.name in shown) for figure in others]
     parts.append(
         f"<footer>Drawn by etac_ros {escape(__version__)} from the bag alone: messages of the links and "
         "committed samples, at simulated time.</footer>"
@@ -73,6 +104,8 @@ def page(view: View, drawn: list[Drawn]) -> str:
             '<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
+            # The page may load nothing from anywhere, whatever a bag has written into it.
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
             f"<title>{line(title)}</title>",
             f"<style>\n{STYLESHEET}\n</style>",
             "</head>",
@@ -80,6 +113,9 @@ def page(view: View, drawn: list[Drawn]) -> str:
             "<main>",
             *parts,
             "</main>",
+            f'<script id="data" type="application/json">{_json(shown, bodies)}</script>',
+            f"<script>{get_plotlyjs()}</script>",
+            f"<script>{_script()}</script>",
             "</body>",
             "</html>",
             "",
@@ -91,9 +127,8 @@ def lead(view: View) -> str:
     """The run in a sentence or two."""
     run = view.run
     network = run.summary.network
-    count = sum(triggers.count for triggers in run.summary.triggers.values())
     text = (
-        f"{count:,} triggering instants in {run.end_s:g} s put {network.messages:,} messages and "
+        f"{view.triggering_instants:,} triggering instants in {run.end_s:g} s put {network.messages:,} messages and "
         f"{network.payload_bytes:,} bytes of payload on the network."
     )
     if view.overlaid:
@@ -120,9 +155,8 @@ def _kicker(view: View) -> str:
 def _tiles(view: View) -> str:
     here = tables.measured(view)
     summary = view.run.summary
-    count = sum(triggers.count for triggers in summary.triggers.values())
     tiles = [
-        (f"{count:,}", "triggering instants"),
+        (f"{view.triggering_instants:,}", "triggering instants"),
         (f"{summary.network.messages:,}", "network messages"),
         (f"{summary.network.payload_bytes:,} B", "network payload"),
     ]
@@ -138,22 +172,58 @@ def _tiles(view: View) -> str:
     return "\n".join(['<div class="tiles">', *cells, "</div>"])
 
 
-def _figure(view: View, figure: Drawn, number: int) -> str:
+def _json(shown: Mapping[str, Any], bodies: Any) -> str:
+    """The data of the figures; no text in it can end the element that it stands in."""
+    found = json.dumps({"figures": shown, "turning": bodies, "dark": colours_in_the_dark()}, separators=(",", ":"))
+    return found.replace("<", "\\u003c")
+
+
+def _script() -> str:
+    return resources.files("etac_ros.report").joinpath("interactive.js").read_text(encoding="utf-8")
+
+
+def _turning(view: View) -> str:
+    other = " Only this run is shown." if view.overlaid else ""
+    return "\n".join(
+        [
+            '<figure id="turning">',
+            '<div class="plot" id="turning-plot" role="img" aria-label="Attitude in three dimensions"></div>',
+            '<p class="slider"><label for="turning-time">time</label>'
+            '<input id="turning-time" type="range" min="0" max="1" value="0"><output id="turning-words"></output></p>',
+            "<figcaption><b>Attitude in three dimensions.</b> Drag to look from elsewhere, move the slider through the "
+            "run; it goes slowly where it begins. x red, y green, z blue; the torque yellow, 1 m for 1 N m and a "
+            "quarter less for each decade less. Plants have inertias, not shapes: this one is made up."
+            f"{other}</figcaption>",
+            "</figure>",
+        ]
+    )
+
+
+def _figure(view: View, figure: Drawn, number: int, interactive: bool) -> str:
     kind = figure.kind
     caption = kind.caption(view)
     place = view.shown_in(kind.name).replace(". ", ".\u00a0")  # a number stays with its "fig."
     shown = f" The {view.source} shows the same in its {place}." if place else ""
     width, height = (round(96 * inches) for inches in kind.size_in(view))
-    return "\n".join(
-        [
-            f'<figure id="{kind.name}">',
+    alt = escape(one_line(f"{kind.title}. {caption}"))
+    if interactive:
+        drawing = [
+            f'<div class="plot" id="plot-{kind.name}" role="img" aria-label="{alt}"></div>',
+            f"<noscript>Its picture is the file {kind.name}.png beside this page.</noscript>",
+        ]
+    else:
+        drawing = [
             f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(kind.title)}">',
             "<picture>",
             f'<source media="screen and (prefers-color-scheme: dark)" srcset="{_data(figure.files.dark)}">',
-            f'<img src="{_data(figure.files.light)}" width="{width}" height="{height}" '
-            f'alt="{escape(one_line(f"{kind.title}. {caption}"))}">',
+            f'<img src="{_data(figure.files.light)}" width="{width}" height="{height}" alt="{alt}">',
             "</picture>",
             "</div>",
+        ]
+    return "\n".join(
+        [
+            f'<figure id="{kind.name}">',
+            *drawing,
             f"<figcaption><b>Figure {number}. {line(kind.title)}.</b> {line(caption + shown)}</figcaption>",
             "</figure>",
         ]

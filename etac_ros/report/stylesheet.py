@@ -19,7 +19,7 @@ body {
   margin: 0; background: var(--paper); color: var(--ink);
   font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "Liberation Sans", Arial, sans-serif;
 }
-main { max-width: 60rem; margin: 0 auto; padding: 2rem 1.25rem 3rem; }
+main { max-width: 76rem; margin: 0 auto; padding: 2rem 1.25rem 3rem; }
 header { border-bottom: 2px solid var(--ink); margin-bottom: 1.25rem; padding-bottom: 0.75rem; }
 .kicker { margin: 0; color: var(--muted); font-size: 0.875rem; }
 h1 { margin: 0.15rem 0 0; font-size: 1.6rem; line-height: 1.25; font-weight: 650; }
@@ -61,6 +61,12 @@ td:last-child, th:last-child { padding-right: 0.2rem; }
 figure { margin: 1.75rem 0 2.25rem; }
 figure .scroll { border: 1px solid var(--line); border-radius: 6px; padding: 0.5rem; }
 figure img { display: block; width: 100%; min-width: 600px; height: auto; }
+figure .plot {
+  border: 1px solid var(--line); border-radius: 6px; padding: 0.25rem; min-height: 200px; overflow: hidden;
+}
+.slider { display: flex; gap: 0.75rem; align-items: center; margin: 0.5rem 0 0; }
+.slider input { flex: 1; accent-color: var(--accent); }
+.slider output { min-width: 8.5rem; font-variant-numeric: tabular-nums; }
 figcaption { margin-top: 0.5rem; font-size: 0.9375rem; max-width: 48rem; }
 figcaption b { font-weight: 650; }
 footer {
@@ -80,7 +86,8 @@ footer {
   section, figure, .tiles, .remark { break-inside: avoid; }
   .scroll { overflow: visible; }
   figure { margin: 1rem 0; }
-  figure .scroll { border: 0; padding: 0; }
+  figure .scroll, figure .plot { border: 0; padding: 0; }
+  .slider { display: none; }
   figure img { min-width: 0; }
   .tile { background: none; }
 }

@@ -75,7 +75,11 @@ class View:
         errors = [attitude_angle(run.graph, run.recording, plant) for plant in attitude_plants(run.graph)]
         if not errors:
             return None
-        return transient_end_s(errors, run.summary.steady_from_s)
+        steady_from_s = run.summary.steady_from_s
+        cut_s = transient_end_s(errors, steady_from_s)
+        if cut_s is None and run.scenario.run.steady_from_s is not None and 0.0 < steady_from_s < run.end_s:
+            return steady_from_s  # the scenario says where, although the error still falls
+        return cut_s
 
     @property
     def steady_words(self) -> str:
@@ -112,6 +116,13 @@ class View:
         if self.run.is_baseline:
             return None
         return next((other for other in self.others if self._is_baseline(other)), None)
+
+    @property
+    def triggering_instants(self) -> int:
+        """Those that the paper counts: of all sensors less those that only keep a clock, unless there are no others."""
+        every = list(self.run.summary.triggers.values())
+        decided = [one for one in every if one.min_interval_s is None or one.min_interval_s != one.max_interval_s]
+        return sum(one.count for one in decided or every)
 
     @property
     def paper_baseline(self) -> PublishedValue | None:

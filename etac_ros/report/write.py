@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from etac_ros.errors import EtacError
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
-from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered
+from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered, vector_files
 from etac_ros.report.page import Drawn, page
-from etac_ros.report.source import read_other, read_run
+from etac_ros.report.source import ReportedRun, read_other, read_run
 from etac_ros.report.view import View
 
 if TYPE_CHECKING:
@@ -32,21 +33,25 @@ def write_report(
     output: Path | None = None,
     *,
     trust: bool = False,
+    figures: Path | None = None,
     say: Callable[[str], None] = lambda step: None,
 ) -> Path:
-    """Draw a report from bags alone: one PNG file a figure, and one page that holds them all.
+    """Draw a report from bags alone: one PNG file a figure, and one page that shows them all, to zoom and read off.
 
     Parameters
     ----------
     bag
         Directory of the bag that is reported.
     others
-        Bags of runs of the same plants to lay over it: its baseline, other variants, other controllers.
+        Bags of runs of the same plants to lay over it: its baseline, other variants, other controllers. Without any,
+        the bag of the baseline that ``etac run --baseline`` wrote beside it is found by itself.
     output
         Folder of the report, made if it is not there; None is ``BAG/report``.
     trust
         Whether to import classes that are not of etac_ros, if the scenario in a bag names any: that runs their code.
         Without them the report leaves out what only they can tell.
+    figures
+        Folder for the figures as SVG and PDF, made if it is not there; None writes none.
     say
         Told what is being done.
 
@@ -63,17 +68,22 @@ def write_report(
         If the folder cannot be written to.
     """
     run = read_run(bag, trust)
-    view = View(run, tuple(read_other(other, run, trust) for other in others))
+    view = View(run, tuple(read_other(other, run, trust) for other in others or baseline_beside(bag, run)))
     folder = bag / "report" if output is None else output
     try:
         # Before drawing, which takes seconds: they should not be lost on a folder that cannot be written to.
         folder.mkdir(parents=True, exist_ok=True)
+        if figures is not None:
+            figures.mkdir(parents=True, exist_ok=True)
         drawn = []
         for kind in FIGURES:
             if kind.applies(view):
                 say(f"{bag}: drawing {kind.name}")
                 drawn.append(_drawn(kind, view))
                 (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
+                if figures is not None:
+                    for ending, data in vector_files(partial(kind.draw, view), kind.size_in(view)).items():
+                        (figures / f"{kind.name}.{ending}").write_bytes(data)
         path = folder / PAGE
         path.write_text(page(view, drawn), encoding="utf-8", newline="\n")
     except OSError as error:
@@ -81,9 +91,16 @@ def write_report(
             str(folder),
             f"the report cannot be written: {error.strerror or error}",
             "a folder that may be written to, on a disk that has space left",
-            "choose another with --output",
+            "choose another with --output or --figures",
         ) from error
     return path
+
+
+def baseline_beside(bag: Path, run: ReportedRun) -> tuple[Path, ...]:
+    """The bag of a run's baseline, where ``etac run --baseline`` put it; nothing where there is none."""
+    variant = run.scenario.run.baseline
+    beside = bag.absolute().with_name(f"{bag.absolute().name}_{variant}")
+    return (beside,) if variant is not None and not run.is_baseline and beside.is_dir() else ()
 
 
 def _drawn(kind: FigureKind, view: View) -> Drawn:

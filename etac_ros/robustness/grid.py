@@ -12,7 +12,9 @@ from etac_ros.runs import simulate, warm_up
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.schema import LinkSection
 
+EVENTS = "event-triggered"
 PERIODIC = "periodic"
+"""Names of the loops; the second is the variant of that name."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def robustness(
         if not 0.0 <= delay < float("inf"):
             raise ScenarioError("--delays", f"found {delay:g}", "seconds, 0 or more")
     scenario = load(name, None, overrides)
-    if not _network_links(scenario):
+    if not network_links(scenario):
         raise ScenarioError(str(scenario.path), "no link is of kind network", "one whose losses could matter")
     rows, columns = tuple(sorted({0.0, *losses})), tuple(sorted({0.0, *delays_s}))
     variants = [scenario]
@@ -123,16 +125,16 @@ def robustness(
                 tell(f"{scenario.name} {variant.variant or ''}: loss {loss:g}, delay {delay:g} s")
                 summary = ideal if loss == delay == 0.0 else simulate(with_channel(variant, loss, delay)).summary
                 cells.append(_cell(loss, delay, summary, ideal, factor))
-        maps.append(Map(variant.variant or "event-triggered", tuple(cells)))
+        maps.append(Map(variant.variant or EVENTS, tuple(cells)))
     return Robustness(scenario, rows, columns, factor, tuple(maps))
 
 
 def with_channel(scenario: Scenario, loss: float, delay_s: float) -> Scenario:
     """The scenario with this loss and this delay on all its network links, in the place of what they have."""
     links = dict(scenario.run.links)
-    for name in _network_links(scenario):
+    for name in network_links(scenario):
         changed = {**links[name].model_dump(by_alias=True), "loss": loss, "delay_ticks": 0, "delay_s": delay_s or None}
-        changed |= {"bursts": None, "jitter": None, "medium": None}
+        changed |= {"bursts": None, "jitter": None, "medium": None, "acknowledged": None}
         links[name] = LinkSection.model_validate(changed)
     media = {
         name: one for name, one in scenario.run.media.items() if any(link.medium == name for link in links.values())
@@ -140,17 +142,24 @@ def with_channel(scenario: Scenario, loss: float, delay_s: float) -> Scenario:
     return replace(scenario, run=scenario.run.model_copy(update={"links": links, "media": media}))
 
 
-def _network_links(scenario: Scenario) -> list[str]:
+def network_links(scenario: Scenario) -> list[str]:
+    """Names of the links that cross the network."""
     return [name for name, link in scenario.run.links.items() if link.kind is LinkKind.NETWORK]
 
 
 def _cell(loss: float, delay_s: float, summary: Summary, ideal: Summary, factor: float) -> Cell:
-    error, usual = _error(summary), _error(ideal)
-    holds = not summary.halted and (error is None or usual is None or error <= factor * usual)
-    return Cell(loss, delay_s, summary.network.messages, error, summary.halted, holds)
+    error = largest_error(summary)
+    return Cell(loss, delay_s, summary.network.messages, error, summary.halted, holds(summary, ideal, factor))
 
 
-def _error(summary: Summary) -> float | None:
+def holds(summary: Summary, ideal: Summary, factor: float) -> bool:
+    """Whether a run went to its end with a steady error of no more than so many times that of the ideal run."""
+    error, usual = largest_error(summary), largest_error(ideal)
+    return not summary.halted and (error is None or usual is None or error <= factor * usual)
+
+
+def largest_error(summary: Summary) -> float | None:
+    """Largest attitude error of any plant over the steady part [deg]; None of plants without an attitude."""
     errors = [one.max_attitude_error_deg for one in summary.performance.values()]
     known = [error for error in errors if error is not None]
     return max(known, default=None)

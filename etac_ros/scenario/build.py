@@ -379,6 +379,24 @@ def _port(wanted: str, ports: Mapping[str, int], where: str, what: str) -> str:
     raise ScenarioError(where, found, f"NODE:PORT with one of: {', '.join(ports)}")
 
 
+def check_foreign(graph: Graph, file: str) -> None:
+    """Refuse foreign nodes in roles that they cannot play in simulated time, where a node has to know the protocol.
+
+    Raises
+    ------
+    ScenarioError
+        Naming the node.
+    """
+    for name in sorted(graph.external):
+        if not (graph.modules[name].answers and graph.acts_on_arrival(name)):
+            raise ScenarioError(
+                f"{file}: {name}.external",
+                f"a foreign node cannot play {name} in simulated time",
+                "a module that answers each message at once, over one input link without delay",
+                "real time, in which a foreign node can play any role: --clock wall",
+            )
+
+
 def _check(graph: Graph, file: str) -> None:
     """What only the whole graph can tell."""
     topics = [link.topic for link in graph.links.values()]
@@ -397,11 +415,5 @@ def _check(graph: Graph, file: str) -> None:
         for port in module.inputs:
             if port not in fed:
                 raise ScenarioError(f"{file}: {name}", f"input '{port}' is fed by no link", "a link to it")
-        if name in graph.external and not (module.answers and graph.acts_on_arrival(name)):
-            raise ScenarioError(
-                f"{file}: {name}.external",
-                f"a foreign node cannot play {name}",
-                "a module that answers each message at once, over one input link without delay",
-            )
         if module.answers and name in graph.reads:
             raise ScenarioError(f"{file}: {name}.reads", "a module that only answers sees no plant", "no key 'reads'")

@@ -30,7 +30,8 @@ def media_of(run: RunSection, links: Mapping[str, Link], file: str) -> dict[str,
     for name, link in links.items():
         if link.medium and link.medium not in run.media:
             where = f"{file}: {EVERYWHERE}.links.{name}.medium"
-            raise ScenarioError(where, f"there is no medium '{link.medium}'", choice(link.medium, list(run.media)))
+            others = choice(link.medium, list(run.media)) if run.media else "a section 'media' with it"
+            raise ScenarioError(where, f"there is no medium '{link.medium}'", others)
     found = {}
     for name, section in run.media.items():
         joined = {link.name: link for link in links.values() if link.medium == name}

@@ -102,12 +102,19 @@ class WallWorker:
         Set by :meth:`begin`.
     missed
         Ticks for which it was too late so far.
+    acts, late_ns, most_late_ns
+        Own acts so far, how late the last one was, and the latest of all [ns].
+    last_sent, last_taken
+        Tick of the last message on each link.
     """
 
     def __init__(self, graph: Graph, name: str, emit: Emit) -> None:
         self.name = name
         self.clock: WallClock | None = None
         self.missed = 0
+        self.acts = self.late_ns = self.most_late_ns = 0
+        self.last_sent: dict[str, int] = {}
+        self.last_taken: dict[str, int] = {}
         self._graph = graph
         self._emit = emit
         self._end = graph.end_tick
@@ -142,6 +149,7 @@ class WallWorker:
 
     def _taken(self, link: Link, sequence: int, tick: int, now_ns: int, sent_ns: int) -> None:
         place = self._places[link.name]
+        self.last_taken[link.name] = self._now(now_ns)
         self._entries.append(Entry(Event.TAKEN, place, sequence, tick, self._since(now_ns), self._since(sent_ns)))
 
     def _late(self, event: Event, tick: int, now: int, now_ns: int, found: str) -> None:
@@ -272,6 +280,9 @@ class WallModule(WallWorker):
         assert self.clock is not None
         instant = self.clock.instant_ns(tick)
         late = now - tick
+        self.acts += 1
+        self.late_ns = now_ns - instant
+        self.most_late_ns = max(self.most_late_ns, self.late_ns)
         self._entries.append(
             Entry(Event.WOKEN, NOTHING, 0, tick, self._since(now_ns), self._since(instant), NOTHING, late)
         )
@@ -317,6 +328,7 @@ class WallModule(WallWorker):
         place, number = cause or (NOTHING, 0)
         for link, value in sent:
             self._numbers[link.name] += 1
+            self.last_sent[link.name] = tick
             self._emit(Send(link, value, tick))
             self._entries.append(
                 Entry(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
 from etac_ros.engines.ros.endpoints import Spinner
 from etac_ros.engines.ros.foreign import Foreign
 from etac_ros.engines.ros.messages import open_note
@@ -71,7 +75,7 @@ class Convener(RunNode):
         if not self.started:
             self._begin_if_all_are_there()
             for words in self.foreign.misfits():
-                print(f"{self.name}: {words}", flush=True)
+                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
         elif self.stop is None:
             self._look_after_run()
         if time.monotonic() - self._heard < self.plan.quiet_s:
@@ -80,7 +84,7 @@ class Convener(RunNode):
         if not self.started:
             missing = [name for name in self.plan.nodes if name not in self._greeted]
             if patient:
-                print(f"{self.name}: still waiting for {', '.join(missing) or 'a foreign node'}", flush=True)
+                print(f"{self.name}: {self._waiting_for(missing)}", file=sys.stderr, flush=True)
                 return
             raise RunError(
                 f"node {', '.join(missing)}",
@@ -94,6 +98,11 @@ class Convener(RunNode):
         missing = [name for name in self.plan.nodes if name not in self.leave_notes]
         found = f"has not left within {self.plan.quiet_s:g} s{self._may_be_lost()}"
         raise RunError(f"node {', '.join(missing)}", found)
+
+    def _waiting_for(self, missing: Sequence[str]) -> str:
+        absent = [*missing, *([] if missing else self.foreign.absent())]
+        domain = os.environ.get(DOMAIN_VARIABLE, "0")
+        return f"in ROS domain {domain}, still waiting for {', '.join(absent) or 'a foreign node'}"
 
     def excuse(self) -> None:
         """Silence counts from now on: a process of the run was stopped, or computes."""

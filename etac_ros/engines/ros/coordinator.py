@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -136,6 +137,9 @@ class CoordinatorNode(Convener):
 
     def _look_after_run(self) -> None:
         self.foreign.check_present()
+        if words := self.foreign.slow():
+            print(f"{self.name}: {words}", file=sys.stderr, flush=True)
+        self._go_on()
 
     def _blame_who_is_quiet(self) -> None:
         self.foreign.blame()
@@ -146,10 +150,10 @@ class CoordinatorNode(Convener):
             f"is its process still there? see what it printed{self._may_be_lost()}",
         )
 
-    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None]) -> Subscription:
-        """A subscription to what a foreign node sends, as bytes."""
+    def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None], foreign: bool) -> Subscription:
+        """A subscription to what a foreign node sends, or is asked, as bytes."""
         kind = message_type(link.wire)
-        return self.subscription(kind, link.topic, callback, raw=True, foreign=True, qos=link.qos)
+        return self.subscription(kind, link.topic, callback, raw=True, foreign=foreign, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:
@@ -172,8 +176,7 @@ class CoordinatorNode(Convener):
     def _on_recorded(self, content: Any, sequence: int) -> None:
         self._heard = time.monotonic()
         self._recorded = content["log"]
-        if self._logs - self._recorded < _LOGS_AHEAD:
-            self._dispatcher.resume()
+        self._go_on()
 
     def _on_effect(self, effect: Effect) -> None:
         match effect:
@@ -184,6 +187,16 @@ class CoordinatorNode(Convener):
             case _:
                 self.end("")
 
+    def _go_on(self) -> None:
+        """End a pause, unless there is still a reason for it."""
+        if self._logs - self._recorded < _LOGS_AHEAD and not self._is_ahead():
+            self._dispatcher.resume()
+
+    def _is_ahead(self) -> bool:
+        """Whether simulated time has run ahead of the pace that was asked for."""
+        pace = self.plan.pace
+        return pace is not None and self._seconds() > pace * (time.perf_counter() - self.began)
+
     def _on_step(self) -> None:
         now = time.perf_counter()
         if now - self._stepped > _SLOW_STEP_S and self._stepped:
@@ -191,6 +204,8 @@ class CoordinatorNode(Convener):
         self._stepped = now
         if now - self._told > _TELL_EVERY_S or len(self.master.message_log) > _LOG_MESSAGES:
             self._tell()
+        if self._is_ahead():
+            self._dispatcher.pause()
 
     def _tell(self) -> None:
         """Message log for the recorder, clock for ROS tools, progress for people."""

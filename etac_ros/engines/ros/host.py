@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from etac_ros.engines.ros.convener import Convener
 from etac_ros.engines.ros.coordinator import CoordinatorNode, Progress
 from etac_ros.engines.ros.count_check import Outcome
+from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
 from etac_ros.engines.ros.endpoints import Spinner
 from etac_ros.engines.ros.environment import may_keep_apart
 from etac_ros.engines.ros.limits import limits_in_force
@@ -216,7 +217,9 @@ class Host:
                 )
             cause = may_keep_apart(os.environ, Path.cwd())
             print(
-                f"{waiting[0].name}: {now - began:.0f} s, still no other end for {topics}{cause and f' ({cause})'}",
+                f"{waiting[0].name}: {now - began:.0f} s in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}, "
+                f"still no other end for {topics}{cause and f' ({cause})'}",
+                file=sys.stderr,
                 flush=True,
             )
 
@@ -296,7 +299,7 @@ class Host:
                     node.fault = text
                 node.abort()
             except Exception as secondary:
-                print(f"while saving {node.name}: {secondary}", flush=True)
+                print(f"while saving {node.name}: {secondary}", file=sys.stderr, flush=True)
 
     def _outcome(self) -> Outcome | None:
         if not isinstance(self._coordinator, CoordinatorNode):

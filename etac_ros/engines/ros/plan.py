@@ -8,7 +8,7 @@ from functools import cached_property
 
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
-from etac_ros.graph.graph import Graph, Link
+from etac_ros.graph.graph import Graph, Link, Reliability
 from etac_ros.graph.topics import ledger_topic, next_topic, truth_topic, window_topic
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.windows import WindowPolicy
@@ -28,10 +28,13 @@ class RealTime:
         Simulated seconds a second.
     strict
         Whether the first missed tick ends the run.
+    priority
+        Of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary one.
     """
 
     rate: Fraction
     strict: bool = False
+    priority: int = 0
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Plan:
         How long a node may owe an answer, or stand still, before it is reported [s].
     wall
         How it runs in real time; None for simulated time.
+    pace
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
     """
 
     scenario: str
@@ -64,6 +69,7 @@ class Plan:
     token: str = ""
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
+    pace: float | None = None
 
     @property
     def clock(self) -> str:
@@ -129,4 +135,13 @@ class Plan:
     def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
         """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""
         own = tuple(name for name in link.receivers if name not in self.graph.external)
-        return (*own, RECORDER), len(link.receivers) - len(own)
+        coordinator = (COORDINATOR,) if self.listens_to_question(link) else ()
+        return (*own, RECORDER, *coordinator), len(link.receivers) - len(own)
+
+    def listens_to_question(self, link: Link) -> bool:
+        """Whether the coordinator hears what a foreign node is asked, to compare the times of questions and answers.
+
+        Clocks of several machines cannot be compared, and in real time nobody is asked.
+        """
+        asked = bool(self.graph.external & link.receivers.keys())
+        return asked and bool(self.token) and self.wall is None and link.qos.reliability is Reliability.RELIABLE

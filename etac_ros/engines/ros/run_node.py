@@ -50,7 +50,7 @@ class RunNode:
             base,
             namespace=namespace or "/",
             context=context,
-            enable_rosout=False,
+            enable_rosout=plan.wall is not None,  # in simulated time it would cost, and nobody waits for it
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )

@@ -84,6 +84,7 @@ class WallCoordinatorNode(Convener, TimedNode):
         if self.wall is None or self.finished:
             return
         now = time.monotonic_ns()
+        self.diagnose(now)
         if self.stop is not None or self._ended_at is not None:
             self._see_off(now)
         elif now >= self.monotonic.instant_ns(self.plan.graph.end_tick) + _GRACE_NS:
@@ -96,7 +97,8 @@ class WallCoordinatorNode(Convener, TimedNode):
             self._next_clock = now + _CLOCK_NS
             # Simulated time between ticks, too: who uses it as a clock wants it to go on evenly.
             since = max(0, now - self.monotonic.start_ns)
-            simulated = int(since * self.wall.rate)
+            end = nanoseconds(self.plan.graph.end_tick, self.plan.graph.ticks_per_second)
+            simulated = min(end, int(since * self.wall.rate))
             self._clock.publish(Clock(clock=Time(sec=simulated // NANOSECONDS, nanosec=simulated % NANOSECONDS)))
 
     def abort(self) -> None:

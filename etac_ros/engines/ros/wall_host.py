@@ -21,6 +21,8 @@ from etac_ros.engines.ros.wall_time import be_punctual
 from etac_ros.maths.ticks import NANOSECONDS
 
 _LOOK_NS = NANOSECONDS // 20
+_SHORT_NS = NANOSECONDS // 500
+"""What the housekeeping of a loop takes at most, by far."""
 _GATHER_S = 0.002
 """How long the recorder lets messages gather: their times come from DDS, and others need the processor more."""
 
@@ -52,23 +54,28 @@ class WallHost(Host):
         return node
 
     def _take_part(self) -> None:
-        be_punctual()
+        assert self._plan.wall is not None
+        be_punctual(self._plan.wall.priority)
         gc.collect()
         gc.freeze()
         gc.disable()  # it would stop a loop for milliseconds, whenever it likes
         look = 0
         while not all(node.finished for node in self._nodes):
             now = time.monotonic_ns()
-            if now >= look:
+            # Not just before an act: that can wait, the act cannot.
+            if now >= look + _LOOK_NS or (now >= look and self._due_ns(now + NANOSECONDS) - now > _SHORT_NS):
                 look = now + _LOOK_NS
                 self._be_idle()
                 self._look_around()
                 if self._is_at_rest(now):
                     gc.collect(0)
                 now = time.monotonic_ns()
-            self._spinner.once(max(0, min(look, self._due_ns(look)) - now) / NANOSECONDS)
+            wake = min(max(look, now + _SHORT_NS), self._due_ns(look + _LOOK_NS))
+            self._spinner.once(max(0, wake - now) / NANOSECONDS)
             for node in self._timed:
                 node.turn()
+        for node in self._timed:
+            node.finish()
 
     def _due_ns(self, otherwise: int) -> int:
         return min((due for node in self._timed if (due := node.next_wake_ns()) is not None), default=otherwise)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
-from std_msgs.msg import Float64MultiArray
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Float64MultiArray, Header
 
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode, decode_window, encode, encode_truth, encode_window, message_type
@@ -27,6 +28,9 @@ from etac_ros.parameters import FloatArray
 from etac_ros.timing.wall import Effect, Halt, Overrun, WallModule, WallPlant, WallWorker
 from etac_ros.timing.worker import Commit, Offer, Send
 
+_ROUNDS = 20
+DIAGNOSTICS = "/diagnostics"
+"""Where ROS tools expect them."""
 _NOTES_NS = NANOSECONDS // 2
 """How often a node hands its ledger to the recorder; what a killed one can lose."""
 _GRACE_NS = NANOSECONDS // 10
@@ -48,6 +52,8 @@ class TimedNode(RunNode):
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
         super().__init__(plan, name, spinner, context)
         self._tie = Tie()
+        self._diagnostics = self.ros_node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        self._diagnosed_ns = 0
         self._foreign_ends: list[Subscription] = []
         self._last_words: dict[str, Any] = {}
 
@@ -57,6 +63,9 @@ class TimedNode(RunNode):
 
     def turn(self) -> None:
         """The loop has come round: do what is due."""
+
+    def finish(self) -> None:
+        """The process is about to end, whichever way it was told to."""
 
     def on_start(self) -> None:
         """Take over the instants of ticks."""
@@ -77,6 +86,27 @@ class TimedNode(RunNode):
             self._last_words = told
             self.has_left = True
             self._leaving.publish(self.note(words))
+
+    def diagnose(self, now_ns: int) -> None:
+        """Tell who listens how this node is, once a second."""
+        if now_ns - self._diagnosed_ns < NANOSECONDS or not self._diagnostics.get_subscription_count():
+            return
+        self._diagnosed_ns = now_ns
+        level, words, values = self._health()
+        status = DiagnosticStatus(
+            level=level,
+            name=f"etac_ros: {self.name}",
+            message=words,
+            hardware_id=self.plan.scenario,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        header = Header(stamp=self.ros_node.get_clock().now().to_msg())
+        self._diagnostics.publish(DiagnosticArray(header=header, status=[status]))
+
+    def _health(self) -> tuple[bytes, str, dict[str, str]]:
+        """Level, message and values of a diagnostic."""
+        words = "waits for the others" if self.wall is None else "runs" if self.stop is None else "has ended"
+        return DiagnosticStatus.OK, words, {}
 
     @property
     def monotonic(self) -> WallClock:
@@ -123,8 +153,18 @@ class WallNode(TimedNode):
     def on_start(self) -> None:
         """Begin to act at the instants of ticks."""
         super().on_start()
+        self._warm_up()
         self._noted_ns = time.monotonic_ns()
         self.worker.begin(self.monotonic, time.monotonic_ns())
+
+    def _warm_up(self) -> None:
+        """Go through what every message costs, before tick 0: the first time takes several times as long."""
+        graph = self.plan.graph
+        for link in (*graph.sends[self.name], *graph.hears[self.name]):
+            kind = message_type(link.wire)
+            for _ in range(_ROUNDS):
+                data = serialize_message(encode(link.wire, np.zeros(link.wire.size), 0))
+                decode(deserialize_message(data, kind))
 
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
@@ -135,9 +175,37 @@ class WallNode(TimedNode):
         now = time.monotonic_ns()
         if self.stop is None:
             self.worker.progress(now)
+        self.diagnose(now)
         if self.stop is not None or now - self._noted_ns > _NOTES_NS:
             self._hand_over_ledger(now)
             self.settle()
+
+    def _health(self) -> tuple[bytes, str, dict[str, str]]:
+        level, words, values = super()._health()
+        worker = self.worker
+        if worker.missed:
+            level, words = DiagnosticStatus.WARN, f"{words}; was too late {worker.missed} times"
+        for link, publisher in self._outgoing.items():
+            values[f"sent on {publisher.topic}"] = str(publisher.count.messages)
+            if link in worker.last_sent:
+                values[f"last on {publisher.topic} [s of simulated time]"] = (
+                    f"{self._simulated_s(worker.last_sent[link]):.6g}"
+                )
+        for link, end in self._incoming.items():
+            values[f"taken from {end.topic}"] = str(end.count.messages)
+            if link in worker.last_taken:
+                values[f"last from {end.topic} [s of simulated time]"] = (
+                    f"{self._simulated_s(worker.last_taken[link]):.6g}"
+                )
+        if worker.acts:
+            values["own acts"] = str(worker.acts)
+            values["latest act was late by [ms]"] = f"{worker.late_ns / 1e6:.3f}"
+            values["most late [ms]"] = f"{worker.most_late_ns / 1e6:.3f}"
+        values["too late"] = str(worker.missed)
+        return level, words, values
+
+    def _simulated_s(self, tick: int) -> float:
+        return tick / self.plan.graph.ticks_per_second
 
     def leave_note(self) -> dict[str, Any]:
         """The counts of what was sent and heard."""
@@ -184,7 +252,8 @@ class WallNode(TimedNode):
             )
         if not self._told_overrun:
             self._told_overrun = True
-            print(f"etac: {self.name}: {words}; further ones are counted", file=sys.stderr, flush=True)
+            # To standard error, and to /rosout for who listens there.
+            self.ros_node.get_logger().warning(f"{words}; further ones are counted")
 
     def _hand_over_ledger(self, now_ns: int) -> None:
         self._noted_ns = now_ns

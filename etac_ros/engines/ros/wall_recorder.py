@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -78,6 +79,7 @@ class WallRecorderNode(TimedNode):
         if self.stop is not None:
             for plant, assembled in self._assembled.items():
                 self._write_assembled(plant, assembled.rest(self.stop["tick"]))
+        self.diagnose(time.monotonic_ns())
         self.settle()
 
     def leave_note(self) -> dict[str, Any]:
@@ -93,6 +95,10 @@ class WallRecorderNode(TimedNode):
 
     def abort(self) -> None:
         """Keep what is there."""
+        self.close()
+
+    def finish(self) -> None:
+        """Complete the bag, also where the last word was missed."""
         self.close()
 
     def close(self) -> None:

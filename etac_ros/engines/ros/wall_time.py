@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import os
 import time
 
+from etac_ros.errors import ScenarioError
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.maths.wall_clock import WallClock
 
@@ -47,6 +50,36 @@ def _ahead_ns() -> int:
     return min(found)[1]
 
 
-def be_punctual() -> None:
-    """Ask the kernel to wake this thread when it is due, not within the 50 us that it may add by default."""
+def be_punctual(priority: int = 0) -> None:
+    """Ask the kernel to wake this process when it is due.
+
+    Not within the 50 us that it may add by default; and with a priority, before all that have none. Only now, when the
+    run begins: a process that computes for long with one is held up by the kernel (``sched_rt_runtime_us``).
+    """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    if priority:
+        for thread in os.listdir("/proc/self/task"):  # those of DDS carry the messages
+            with contextlib.suppress(ProcessLookupError):  # one that has just ended
+                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+
+
+def check_priority(priority: int) -> None:
+    """Make sure that this user may have a real-time priority.
+
+    Raises
+    ------
+    ScenarioError
+        If not, or if it is none.
+    """
+    if not priority:
+        return
+    where, expected = f"--priority {priority}", "0 for an ordinary one, or 1 to 99"
+    if not 1 <= priority <= os.sched_get_priority_max(os.SCHED_FIFO):
+        raise ScenarioError(where, "is no real-time priority", expected)
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        remedy = "let the user have it (rtprio in limits.conf, ulimit -r), or run without"
+        raise ScenarioError(where, "is not allowed to this user", expected, remedy) from None
+    os.sched_setscheduler(0, policy, parameters)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from etac_ros.report.figures import (
     energy,
     intervals,
+    latency,
     lyapunov,
     margin,
     modes,
@@ -35,5 +36,6 @@ FIGURES: tuple[FigureKind, ...] = (
     volume.FIGURE,
     raster.FIGURE,
     energy.FIGURE,
+    latency.FIGURE,
     lyapunov.FIGURE,
 )

@@ -100,11 +100,12 @@ DARK = Theme(
 
 @dataclass(frozen=True)
 class Rendered:
-    """PNG files of a figure: for a light and a dark page, and to stand alone."""
+    """PNG files of a figure: for a light and a dark page, and to stand alone; and the light figure itself."""
 
     light: bytes
     dark: bytes
     alone: bytes
+    figure: Figure
 
 
 def rendered(
@@ -131,7 +132,22 @@ def rendered(
             alone = _png(figure)
     with _look(DARK):
         dark = _png(_filled(draw, size_in, DARK, like=figure))
-    return Rendered(light, dark, alone)
+    return Rendered(light, dark, alone, figure)
+
+
+def vector_files(draw: Callable[[Figure, Theme], None], size_in: tuple[float, float]) -> dict[str, bytes]:
+    """A figure for papers, by the ending of its file: SVG and PDF. The same drawing always gives the same bytes."""
+    files = {}
+    with _look(LIGHT):
+        import matplotlib
+
+        matplotlib.rcParams.update({"svg.hashsalt": "etac_ros", "pdf.fonttype": 42})
+        figure = _filled(draw, size_in, LIGHT)
+        for ending, metadata in (("svg", {"Date": None}), ("pdf", {"CreationDate": None, "Producer": None})):
+            file = BytesIO()
+            figure.savefig(file, format=ending, metadata=metadata)
+            files[ending] = file.getvalue()
+    return files
 
 
 @contextmanager
