@@ -185,8 +185,8 @@ def run(
         rate_of_clock(clock, rate, strict, priority),
         strict,
         capture,
-        rate if clock is ClockKind.sim else None,
-        priority,
+        pace=rate if clock is ClockKind.sim else None,
+        priority=priority,
         live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
@@ -200,7 +200,7 @@ def compare(
     ] = None,
     set_: Set = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     priority: Priority = 0,
     processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
     bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
@@ -219,6 +219,8 @@ def compare(
         options = RosOptions(processes.value, rate=speed, priority=priority)
         compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
         return
+    if rate is not None:
+        raise ScenarioError(f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 

@@ -100,6 +100,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
+            if request.capture is not None:
+                print("etac: --capture: nothing was captured here; the part that keeps time does it", file=sys.stderr)
             return
     if request.bag is not None:
         check_writable(request.bag)
