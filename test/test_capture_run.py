@@ -26,6 +26,7 @@ from etac_ros.capture.live import CannotCapture, Capture, open_socket, ports_of
 from etac_ros.cli.main import app
 from etac_ros.errors import BagError, RunError
 from etac_ros.metrics.summary import Summary
+from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_over_ros
 from etac_ros.scenario.load import load
 
@@ -125,6 +126,19 @@ def test_account_agrees_with_an_independent_reading(scenario: str, duration_s: i
     assert read_from_bag(tmp_path / "bag") == wire
     shown = CliRunner().invoke(app, ["info", str(tmp_path / "bag")])
     assert "all that was captured" in shown.output
+    assert read_run(tmp_path / "bag").summary.wire == wire  # which the report shows
+
+
+def test_model_stands_where_nothing_was_captured(tmp_path: Path) -> None:
+    """84 messages of 12 bytes, each a frame of 174 to its one receiver, the recorder being another."""
+    arguments = ["run", "wu2018", "--engine", "inprocess", "--bag", str(tmp_path / "bag")]
+    for command in (arguments, ["info", str(tmp_path / "bag")]):
+        shown = CliRunner().invoke(app, command, env={"COLUMNS": "160"})
+        assert shown.exit_code == 0, shown.output
+        (row,) = [line.split() for line in shown.output.splitlines() if line.startswith("/torque_command")]
+        assert row[2:6] == ["84", "1,008", "1,344", f"{84 * 174:,}"]
+        assert "on Ethernet*" in shown.output
+        assert "* a model" in shown.output
 
 
 @captures

@@ -146,6 +146,8 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")] = False,
+    live_port: Annotated[int, typer.Option(min=1, max=65535, help="For --live.")] = 8765,
     state_rate: Annotated[
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
@@ -185,6 +187,7 @@ def run(
         capture,
         pace=rate if clock is ClockKind.sim else None,
         priority=priority,
+        live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -384,21 +387,6 @@ def resolve(scenario: ScenarioName, variant: Variant = None, set_: Set = None) -
 
 
 @app.command()
-def contract(
-    scenario: ScenarioName,
-    node: Annotated[str, typer.Argument(help="Full name of a node, as /sensor.")],
-    variant: Variant = None,
-    set_: Set = None,
-) -> None:
-    """Print what a foreign node has to subscribe to and publish in the place of a node."""
-    from etac_ros.cli.contract import show_contract
-    from etac_ros.scenario.load import load
-    from etac_ros.tables.terminal import make_console
-
-    show_contract(load(scenario, variant, set_ or ()), node, make_console())
-
-
-@app.command()
 def layout(
     scenario: ScenarioName,
     variant: Variant = None,
@@ -414,6 +402,21 @@ def layout(
     for name, text in texts.items():
         (output / name).write_text(text, encoding="utf-8")
         typer.echo(f"layout: {output / name}")
+
+
+@app.command()
+def contract(
+    scenario: ScenarioName,
+    node: Annotated[str, typer.Argument(help="Full name of a node, as /sensor.")],
+    variant: Variant = None,
+    set_: Set = None,
+) -> None:
+    """Print what a foreign node has to subscribe to and publish in the place of a node."""
+    from etac_ros.cli.contract import show_contract
+    from etac_ros.scenario.load import load
+    from etac_ros.tables.terminal import make_console
+
+    show_contract(load(scenario, variant, set_ or ()), node, make_console())
 
 
 @app.command("list")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -25,6 +25,15 @@ _SLOW_S = 2.0
 """Wall time after which it is said for which foreign node the run waits; an error it is after ``quiet_s``."""
 
 
+class _Topic(NamedTuple):
+    """A topic at one end of which a foreign node is to be."""
+
+    name: str
+    kind: str
+    sender: str
+    best_effort: bool = False
+
+
 class Foreign:
     """The coordinator's watch over foreign nodes: it hears what they send, and knows what they were asked for.
 
@@ -43,33 +52,36 @@ class Foreign:
 
     def __init__(self, plan: Plan, node: Node, sent: Mapping[str, int], listen: Listen | None) -> None:
         graph = plan.graph
+        foreign = graph.external
         self._plan = plan
         self._node = node
         self._sent = sent
         self._answers: dict[str, Subscription] = {}
-        self._topics = [link for link in graph.links.values() if link.sender in graph.external]
-        self._windows = [window_topic(name) for name in graph.plants if name in graph.external]
+        links = graph.links.values()
+        self._offered = [_of_link(link) for link in links if link.sender in foreign]
+        self._offered += [_Topic(window_topic(name), TABLE_TYPE, name) for name in graph.plants if name in foreign]
+        self._asked = [_of_link(link) for link in links if foreign & link.receivers.keys()]
         self._looked = time.monotonic()
         self._said: set[str] = set()
-        self._questions = [link for link in graph.links.values() if graph.external & link.receivers.keys()]
         self._causes: dict[str, Causes] = {}
-        self._asked: dict[str, Subscription] = {}
+        self._questions: dict[str, Subscription] = {}
         self._owing_since: tuple[int, float] | None = None
         self._called_slow = False
         if listen is not None:
-            for link in self._topics:
-                self._answers[link.name] = listen(link, self._on_answer(link), True)
-                for question in graph.hears[link.sender]:
-                    if plan.listens_to_question(question):
-                        self._causes[link.name] = Causes()
-                        self._ask(link, question, listen)
+            for link in graph.links.values():
+                if link.sender in foreign:
+                    self._answers[link.name] = listen(link, self._on_answer(link), True)
+                    for question in graph.hears[link.sender]:
+                        if plan.listens_to_question(question):
+                            self._causes[link.name] = Causes()
+                            self._ask(link, question, listen)
 
     def _ask(self, answer: Link, question: Link, listen: Listen) -> None:
         def on_question(data: Any, sequence: int) -> None:
-            end = self._asked[answer.name]
+            end = self._questions[answer.name]
             self._check_cause(answer, self._causes[answer.name].question(end.source_ns))
 
-        self._asked[answer.name] = listen(question, on_question, False)
+        self._questions[answer.name] = listen(question, on_question, False)
 
     def complete(self) -> bool:
         """Whether all answers that were asked for have come, each after its question."""
@@ -80,9 +92,9 @@ class Foreign:
     def absent(self) -> list[str]:
         """Foreign nodes that have not appeared, with the topic that nobody publishes."""
         return [
-            f"{link.sender} (no publisher of {link.topic} that fits)"
-            for link in self._topics
-            if not any(self._joins(link, end) for end in self._publishers(link))
+            f"{topic.sender} (no publisher of {topic.name} that fits)"
+            for topic in self._offered
+            if not any(self._joins(topic, end) for end in self._publishers(topic))
         ]
 
     def slow(self) -> str:
@@ -105,8 +117,7 @@ class Foreign:
 
     def fits(self) -> bool:
         """Whether every topic of a foreign node has one publisher, which DDS joins with our subscriptions."""
-        links = all(sum(self._joins(link, end) for end in self._publishers(link)) == 1 for link in self._topics)
-        return links and all(len(self._node.get_publishers_info_by_topic(topic)) == 1 for topic in self._windows)
+        return all(sum(self._joins(topic, end) for end in self._publishers(topic)) == 1 for topic in self._offered)
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""
@@ -190,7 +201,7 @@ class Foreign:
 
     def _is_time(self) -> bool:
         now = time.monotonic()
-        due = now - self._looked >= _LOOK_S and bool(self._topics or self._questions or self._windows)
+        due = now - self._looked >= _LOOK_S and bool(self._offered or self._asked)
         if due:
             self._looked = now
         return due
@@ -208,50 +219,41 @@ class Foreign:
             "exactly one message for each that it receives, and none by itself",
         )
 
-    def _publishers(self, link: Link) -> list[Any]:
-        return list(self._node.get_publishers_info_by_topic(link.topic))
+    def _publishers(self, topic: _Topic) -> list[Any]:
+        return list(self._node.get_publishers_info_by_topic(topic.name))
 
-    def _joins(self, link: Link, end: Any) -> bool:
+    def _joins(self, topic: _Topic, end: Any) -> bool:
         offers = end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT
-        return (offers or _best_effort(link)) and end.topic_type == link.wire.type_name
+        return (offers or topic.best_effort) and end.topic_type == topic.kind
 
     def _misfits(self) -> list[str]:
         """Why DDS does not join a foreign node's end of a topic with ours, in words."""
         found = []
-        for link in self._topics:
-            fit = sorted(name_of(end) for end in self._publishers(link) if self._joins(link, end))
+        for topic in self._offered:
+            ends = self._publishers(topic)
+            fit = sorted(name_of(end) for end in ends if self._joins(topic, end))
             if len(fit) > 1:
-                found.append(f"{' and '.join(fit)} publish on {link.topic}; expected: one of them")
-            for end in self._publishers(link):
-                if end.topic_type != link.wire.type_name:
-                    found.append(
-                        f"{name_of(end)} publishes {end.topic_type} on {link.topic}; expected: {link.wire.type_name}"
-                    )
-                elif not self._joins(link, end):
-                    found.append(f"{name_of(end)} offers best effort on {link.topic}; asked for: reliable")
-        for topic in self._windows:
-            ends = self._node.get_publishers_info_by_topic(topic)
-            if len(ends) > 1:
-                found.append(f"{' and '.join(sorted(map(name_of, ends)))} publish on {topic}; expected: one of them")
+                found.append(f"{' and '.join(fit)} publish on {topic.name}; expected: one of them")
             for end in ends:
-                if end.topic_type != TABLE_TYPE:
-                    found.append(f"{name_of(end)} publishes {end.topic_type} on {topic}; expected: {TABLE_TYPE}")
+                if end.topic_type != topic.kind:
+                    found.append(f"{name_of(end)} publishes {end.topic_type} on {topic.name}; expected: {topic.kind}")
+                elif not self._joins(topic, end):
+                    found.append(f"{name_of(end)} offers best effort on {topic.name}; asked for: reliable")
         own = set(self._plan.nodes)
-        for link in self._questions:
-            for end in self._node.get_subscriptions_info_by_topic(link.topic):
+        for topic in self._asked:
+            for end in self._node.get_subscriptions_info_by_topic(topic.name):
                 if name_of(end) in own:
                     continue
-                if end.topic_type != link.wire.type_name:
-                    found.append(
-                        f"{name_of(end)} subscribes to {end.topic_type} on {link.topic}; "
-                        f"sent there: {link.wire.type_name}"
-                    )
+                if end.topic_type != topic.kind:
+                    words = f"subscribes to {end.topic_type} on {topic.name}; sent there: {topic.kind}"
+                    found.append(f"{name_of(end)} {words}")
                 elif end.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-                    found.append(f"{name_of(end)} asks for transient local on {link.topic}; offered: volatile")
-                elif _best_effort(link) and end.qos_profile.reliability is ReliabilityPolicy.RELIABLE:
-                    found.append(f"{name_of(end)} asks for reliable on {link.topic}; offered: best effort")
+                    found.append(f"{name_of(end)} asks for transient local on {topic.name}; offered: volatile")
+                elif topic.best_effort and end.qos_profile.reliability is ReliabilityPolicy.RELIABLE:
+                    found.append(f"{name_of(end)} asks for reliable on {topic.name}; offered: best effort")
         return found
 
 
-def _best_effort(link: Link) -> bool:
-    return link.qos.reliability is Reliability.BEST_EFFORT
+def _of_link(link: Link) -> _Topic:
+    best_effort = link.qos.reliability is Reliability.BEST_EFFORT
+    return _Topic(link.topic, link.wire.type_name, link.sender, best_effort)
