@@ -43,7 +43,7 @@ class LinkAccount(_Model):
     medium: str | None = Field(description="the shared medium that it crosses")
     sent: int = Field(description="messages times receivers")
     delivered: int = Field(description="of them, those that arrived, however often")
-    lost: int = Field(description="in the channel: by chance, in a burst or in an outage")
+    lost: int = Field(description="in the channel: by chance, in a burst or outage, or to a receiver that was down")
     dropped: int = Field(description="from a queue of the medium")
     given_up: int = Field(description="after the last collision, or the last try that was not acknowledged")
     superseded: int = Field(description="not sent again, since a newer message took their place")

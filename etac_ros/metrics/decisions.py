@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph, LinkKind
 from etac_ros.graph.module import Window
 from etac_ros.graph.recording import Recording
@@ -109,11 +110,12 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     Returns
     -------
     Decisions or None
-        None where nothing can be recomputed: the module has no trigger rule, it was not asked at every tick, or it
-        has sent nothing.
+        None where nothing can be recomputed: the module has no trigger rule, it was not asked at every tick, it
+        has sent nothing, or it was restarted, so that another one went on without its memory.
     """
     module = graph.modules[name]
-    if not isinstance(module, Triggering):
+    restarted = any(fault.kind is FaultKind.RESTART for fault in graph.faults_of(name))
+    if not isinstance(module, Triggering) or restarted:
         return None
     window = _samples(graph, recording, name)
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.

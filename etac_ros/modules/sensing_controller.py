@@ -205,9 +205,14 @@ class SensingController(Module):
         parts, before, row = [], [], 0
         while row < len(all_samples):
             tick = first + row
-            samples = np.ascontiguousarray(all_samples[row : row + _AT_ONCE])
+            edges = [edge - tick for fault in self.context.down for edge in fault if edge > tick]
+            samples = np.ascontiguousarray(all_samples[row : row + min([_AT_ONCE, *edges])])
             commands, memories = self.law.fold(samples, tick, memory)
-            fires = hold.first(commands, tick) if self.events is None else self._next_event(tick, len(samples))
+            is_down = any(start <= tick < until for start, until in self.context.down)
+            if self.events is not None:
+                fires = self._next_event(tick, len(samples))
+            else:
+                fires = None if is_down else hold.first(commands, tick)
             last = len(samples) - 1 if fires is None else fires - tick
             parts.append(commands[: last + 1])
             before += [memory[np.newaxis], memories[:last]]

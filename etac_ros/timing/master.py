@@ -76,6 +76,8 @@ class TimeMaster:
         self._ways = {name: _ways(link) for name, link in graph.links.items()}
         self._plants = frozenset(graph.plants)
         self._lookers = frozenset(graph.lookers)
+        # A window ends before a module goes on after a fault: what it is then and knows, no window shows before.
+        self._last_before = sorted({fault.until_tick - 1 for fault in graph.faults})
         self._concluding = frozenset(
             name
             for name, module in graph.modules.items()
@@ -280,7 +282,8 @@ class TimeMaster:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
-            self._proposals[plant] = min(tick + self._lengths[plant], self._graph.end_tick)
+            end = next((last for last in self._last_before if last > tick), self._graph.end_tick)
+            self._proposals[plant] = min(tick + self._lengths[plant], end)
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
