@@ -115,7 +115,7 @@ def test_a_node_that_dies_ends_the_run_and_is_named(tmp_path: Path) -> None:
 
 
 def test_a_listener_gets_diagnostics_and_the_clock(tmp_path: Path, start: Start, lease: DomainLease) -> None:
-    listener = start(str(Path(__file__).parent / "diagnostics_listener.py"))
+    listener = start(str(Path(__file__).parent / "tool_listener.py"))
     assert listener.stdout is not None
     assert listener.stdout.readline().strip() == "ready"
     lease.release()

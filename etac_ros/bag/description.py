@@ -15,6 +15,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from etac_ros.graph.channel import Bursts, Channel, Jitter
+from etac_ros.graph.faults import Fault, FaultKind
 from etac_ros.graph.graph import Acknowledgement, AfterLast, Graph, Link, LinkKind
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
@@ -129,6 +130,16 @@ class MediumDescription(_Model):
     lines: dict[str, LineDescription]
 
 
+class FaultDescription(_Model):
+    """What happened to the process of a node, at the ticks from one to before another."""
+
+    name: str
+    node: str
+    kind: FaultKind
+    from_tick: Annotated[int, Field(ge=0)]
+    until_tick: Annotated[int, Field(ge=1)]
+
+
 class RunDescription(_Model):
     """A run: its graph, and what stands in the bag beside messages and truth."""
 
@@ -138,6 +149,7 @@ class RunDescription(_Model):
     nodes: dict[str, NodeDescription]
     links: dict[str, LinkDescription]
     media: dict[str, MediumDescription] | None = Field(default=None, description="null for none")
+    faults: tuple[FaultDescription, ...] | None = Field(default=None, description="in order; null for none")
     derived: dict[str, tuple[Columns, ...]] = Field(
         default={}, description="by node: columns of its topic /emulation/NODE/derived"
     )
@@ -152,6 +164,7 @@ def describe_run(graph: Graph, derived: Mapping[str, tuple[Columns, ...]]) -> Ru
         nodes={name: _node(graph, name, module) for name, module in graph.modules.items()},
         links={name: _link(link) for name, link in graph.links.items()},
         media={name: _medium(plan) for name, plan in graph.media.items()} or None,
+        faults=tuple(_fault(fault) for fault in graph.faults) or None,
         derived=dict(derived),
     )
 
@@ -257,6 +270,10 @@ def _medium(plan: MediumPlan) -> MediumDescription:
     )
 
 
+def _fault(fault: Fault) -> FaultDescription:
+    return FaultDescription(**asdict(fault))
+
+
 def _line(line: Line) -> LineDescription:
     return LineDescription(**{**line._asdict(), "answers": line.answers or None})
 
@@ -281,6 +298,9 @@ def _faults(found: RunDescription) -> list[str]:
             faults.append(f"links.{name}.medium: '{link.medium}' does not carry it")
         if link.acknowledged is not None and not link.acknowledged.by.keys() <= link.receivers.keys():
             faults.append(f"links.{name}.acknowledged.by: {sorted(link.acknowledged.by)} do not all receive it")
+    for fault in found.faults or ():
+        if fault.node not in found.nodes or fault.from_tick >= fault.until_tick:
+            faults.append(f"faults: '{fault.name}' is none of a node")
     for name, columns in found.derived.items():
         if name not in found.nodes:
             faults.append(f"derived: there is no node '{name}'")

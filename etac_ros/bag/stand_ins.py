@@ -23,6 +23,7 @@ from etac_ros.bag.description import (
 )
 from etac_ros.errors import RunError
 from etac_ros.graph.channel import Channel
+from etac_ros.graph.faults import Fault
 from etac_ros.graph.graph import Acknowledgement, Graph, Link
 from etac_ros.graph.module import Context, Module, Window
 from etac_ros.graph.plant import PlantModule, PlantModuleParameters
@@ -63,6 +64,7 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             dynamics = cast(Plant, kind(node, node.plant, states, rows))
             context = Context(name, run.ticks_per_second, 0)
             modules[name] = RecordedPlantModule(context, PlantModuleParameters(), dynamics)
+    faults = tuple(Fault(**fault.model_dump()) for fault in run.faults or ())
     links = {
         name: Link(
             name,
@@ -72,7 +74,7 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             link.port,
             link.receivers,
             Wire(link.wire, link.size),
-            _channel(name, link, run.ticks_per_second),
+            _channel(name, link, run.ticks_per_second, faults),
             link.medium or "",
             None if link.acknowledged is None else Acknowledgement(**link.acknowledged.model_dump()),
         )
@@ -81,10 +83,15 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
     reads = {name: node.reads for name, node in run.nodes.items() if node.reads is not None}
     external = frozenset(name for name, node in run.nodes.items() if node.external)
     media = {name: _medium(name, medium) for name, medium in (run.media or {}).items()}
-    return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external, media)
+    return Graph(modules, reads, links, run.ticks_per_second, run.end_tick, external, media, faults)
 
 
-def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel:
+def _channel(name: str, link: LinkDescription, ticks_per_second: int, faults: tuple[Fault, ...]) -> Channel:
+    down = {
+        node: tuple(fault for fault in faults if fault.node == node)
+        for node in link.receivers
+        if any(fault.node == node for fault in faults)
+    }
     return Channel(
         link.seed,
         name,
@@ -95,6 +102,7 @@ def _channel(name: str, link: LinkDescription, ticks_per_second: int) -> Channel
         link.bursts,
         link.duplication or 0.0,
         ticks_per_second,
+        down,
     )
 
 

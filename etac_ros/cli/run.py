@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from etac_ros.bag.live import HOST, check_live
 from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.interrupts import keeping
@@ -57,6 +58,7 @@ class RunRequest:
     """The pcapng file to keep; empty keeps none; None captures nothing."""
     pace: float | None = None
     priority: int = 0
+    live: int | None = None
 
     @property
     def options(self) -> RosOptions:
@@ -73,6 +75,7 @@ class RunRequest:
             Path(self.capture) if self.capture else None,
             self.pace,
             self.priority,
+            self.live,
         )
 
 
@@ -83,6 +86,11 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.capture is not None:
         _check_capture(request)
+    if request.live is not None:
+        if request.engine != "ros":
+            raise ScenarioError("--live", "is for --engine ros")
+        check_live(request.live)
+        console.print(f"live: ws://{HOST}:{request.live}, in Foxglove: Open connection", soft_wrap=True)
     if request.only is not None and request.pace is not None:
         raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
     if request.only is not None:

@@ -16,6 +16,8 @@ from etac_ros.metrics.accounts import overflows
 from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    FAULT_ACCOUNT,
+    FAULT_NOTE,
     HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
@@ -24,6 +26,7 @@ from etac_ros.metrics.cells import (
     WATCHED,
     acknowledgement_account_cells,
     falls_short,
+    fault_account_cells,
     hold_account_cells,
     link_account_cells,
     medium_account_cells,
@@ -194,6 +197,9 @@ def _accounts(summary: Summary, ticks_per_second: int) -> list[Table]:
     if summary.holds:
         rows = tuple(Row((name, *hold_account_cells(account))) for name, account in summary.holds.items())
         tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))
+    if summary.faults:
+        rows = tuple(Row((name, *cells)) for name, one in summary.faults.items() for cells in fault_account_cells(one))
+        tables.append(Table("", ("fault", *FAULT_ACCOUNT), rows, (FAULT_NOTE,), frozenset(("node", "does", "plant"))))
     return tables
 
 

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 from pydantic import Field, PositiveFloat, model_validator
 
+from etac_ros.graph.faults import Fault, reaches
 from etac_ros.maths.noise import stream_key, uniform, uniforms
 from etac_ros.parameters import Parameters, exactly_one
 
@@ -90,6 +91,8 @@ class Channel:
         Probability that a message which is not lost arrives twice.
     ticks_per_second
         Rate of the tick grid [1/s], for jitter and bursts.
+    down
+        By receiver: the faults of its process, in order. What arrives meanwhile is lost, or waits.
     """
 
     seed: int
@@ -101,6 +104,7 @@ class Channel:
     bursts: Bursts | None = None
     duplication: float = 0.0
     ticks_per_second: int = 1
+    down: Mapping[str, tuple[Fault, ...]] = field(default_factory=dict)
 
     @property
     def ideal(self) -> bool:
@@ -120,12 +124,15 @@ class Channel:
             and self.jitter is None
             and self.bursts is None
             and self.duplication == 0.0
+            and not self.down
         )
 
     def arrivals(
         self, receiver: str, sequence: int, tick: int, attempt: int = 1, *, back: bool = False
     ) -> tuple[int, ...]:
         """Ticks at which a message would arrive at a receiver if it were the only one; none if it is lost.
+
+        Whether the receiver is there then is asked by :class:`Way`.
 
         Parameters
         ----------
@@ -207,6 +214,7 @@ class Way:
         self._back = back
         self._in_order = channel.jitter is not None and not channel.jitter.overtaking
         self._latest = 0
+        self._down = () if back else channel.down.get(receiver, ())
 
     def arrivals(self, sequence: int, tick: int, attempt: int = 1) -> tuple[int, ...]:
         """Ticks at which the next message arrives, as :meth:`Channel.arrivals`; to be asked in order of sending."""
@@ -214,6 +222,8 @@ class Way:
         if self._in_order and found:
             found = tuple(max(self._latest, when) for when in found)
             self._latest = found[-1]
+        if self._down:
+            found = tuple(when for one in found if (when := reaches(self._down, one)) is not None)
         return found
 
 

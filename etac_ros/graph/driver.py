@@ -6,6 +6,7 @@ and where its values are rounded to the wire.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from etac_ros.errors import ProtocolError
+from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Module, Window
 from etac_ros.graph.promises import Component, are_finite, shown
@@ -42,6 +44,11 @@ class Driver:
         self._component = Component(name, self.module)
         self._wires = {port: self.module.wire(port) for port in self.module.outputs}
         self._advanced = -1
+        self._faults = graph.faults_of(name)
+        # Whoever takes its place after a restart, and from which tick on.
+        self._spares = deque(
+            (fault.until_tick, graph.spares[fault.name]) for fault in self._faults if fault.kind is FaultKind.RESTART
+        )
 
     def see(self, window: Window) -> None:
         """Take a new window; everything before its start is committed."""
@@ -55,20 +62,40 @@ class Driver:
 
     def look(self, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself."""
-        found = self._component.call("scan", self.window, after)
+        self._replace(after + 1)
+        component, window = self._component, self.window
+        spares = dict(self._spares)
+        for fault in self._faults:
+            if fault.until_tick <= after + 1:
+                continue
+            if fault.from_tick > after + 1:
+                found = self._scan(component, window, after)
+                if found is not None and found < fault.from_tick:
+                    return found
+            if fault.kind is FaultKind.KILL or window is not None:
+                return None  # for ever; or until the next window, since one ends where a module goes on
+            after = fault.until_tick - 1
+            if fault.until_tick in spares:
+                component = Component(self.name, spares[fault.until_tick])
+        return self._scan(component, window, after)
+
+    def _scan(self, component: Component, window: Window | None, after: int) -> int | None:
+        """What a module says, if it may say so."""
+        found = component.call("scan", window, after)
         if found is None:
             return None
-        last = None if self.window is None else self.window.last
+        last = None if window is None else window.last
         whole = isinstance(found, int | np.integer) and not isinstance(found, bool)
         if not whole or found <= after or (last is not None and found > last):
             until = "" if last is None else f" and no later than {last}, the window's last"
-            raise self._component.broken(
+            raise component.broken(
                 "scan", f"returned {shown(found)}", f"a tick later than {after}{until}, as an int; or None"
             )
         return int(found)
 
     def fire(self, tick: int) -> Sent:
         """Let the module act by itself."""
+        self._replace(tick)
         sample = self._sample(tick)
         self._advance(tick)
         outputs = self._component.call("fire", tick, sample)
@@ -103,13 +130,23 @@ class Driver:
         own = tuple(replace(arrival, value=arrival.value.copy()) for arrival in arrivals)
         given: tuple[Any, ...] = tuple(arrival.value for arrival in arrivals)
         sample = None
+        if tick is not None:
+            self._replace(tick)
         if tick is not None and self.window is not None:
             sample = self._sample(tick)
             self._advance(tick)
         outputs = self._component.call("receive", tick, own, sample)
         return self._sent("receive", outputs, (*given, sample), expected)
 
+    def _replace(self, tick: int) -> None:
+        """Put the module that was started anew in the place of the one that died, from its first tick on."""
+        while self._spares and self._spares[0][0] <= tick:
+            _, self.module = self._spares.popleft()
+            self._component = Component(self.name, self.module)
+            self._wires = {port: self.module.wire(port) for port in self.module.outputs}
+
     def _advance(self, tick: int) -> None:
+        self._replace(tick)
         if self.window is not None and tick > self._advanced:
             self._component.call("advance", tick, self.window)
             self._advanced = tick

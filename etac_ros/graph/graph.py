@@ -8,6 +8,7 @@ from enum import StrEnum
 from functools import cached_property
 
 from etac_ros.graph.channel import Channel
+from etac_ros.graph.faults import Fault
 from etac_ros.graph.module import Module
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import Wire, WireFormat
@@ -134,6 +135,10 @@ class Graph:
         The tick grid and the first tick that is not acted on.
     media
         Shared media by name.
+    faults
+        What happens to the processes of modules, in the order of the ticks at which it begins.
+    spares
+        By fault: the module that takes the place of one that is restarted.
     """
 
     modules: Mapping[str, Module]
@@ -143,11 +148,17 @@ class Graph:
     end_tick: int
     external: frozenset[str] = frozenset()
     media: Mapping[str, MediumPlan] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
+    spares: Mapping[str, Module] = field(default_factory=dict)
 
     @cached_property
     def plants(self) -> tuple[str, ...]:
         """Names of the plants."""
         return tuple(name for name, module in self.modules.items() if isinstance(module, PlantModule))
+
+    def faults_of(self, module: str) -> tuple[Fault, ...]:
+        """What happens to the process of a module, in order."""
+        return tuple(fault for fault in self.faults if fault.node == module)
 
     @cached_property
     def acknowledged(self) -> tuple[Link, ...]:

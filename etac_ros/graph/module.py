@@ -81,6 +81,8 @@ class Context:
     """Names of the links that lead to the module, in the order of the graph."""
     acknowledged: frozenset[str] = frozenset()
     """Output ports ("" is the only port) whose messages are acknowledged, and of which the module is told."""
+    down: tuple[tuple[int, int], ...] = ()
+    """Ticks ``(from, until)`` of its faults, ``until`` excluded: for who replays what it did."""
 
 
 class Module:

@@ -43,7 +43,7 @@ class LinkAccount(_Model):
     medium: str | None = Field(description="the shared medium that it crosses")
     sent: int = Field(description="messages times receivers")
     delivered: int = Field(description="of them, those that arrived, however often")
-    lost: int = Field(description="in the channel: by chance, in a burst or in an outage")
+    lost: int = Field(description="in the channel: by chance, in a burst or outage, or to a receiver that was down")
     dropped: int = Field(description="from a queue of the medium")
     given_up: int = Field(description="after the last collision, or the last try that was not acknowledged")
     superseded: int = Field(description="not sent again, since a newer message took their place")
@@ -140,15 +140,31 @@ def hold_accounts(graph: Graph, recording: Recording) -> dict[str, HoldAccount]:
 def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> HoldAccount:
     links = graph.sends[name]
     sent = recording.messages[links[0].name] if links else []
-    # What it does by itself it does in step 0; what it does on arrival in a later one.
-    safe = [message.step == 0 for message in sent]
-    ticks = [*(message.tick for message in sent), graph.end_tick]
+    safe = _outlived([message.tick for message in sent], hold_ticks)
+    # A run that a watch has ended is over at its last sample.
+    last = max((first + len(samples) - 1 for first, samples in map(recording.samples, graph.plants)), default=0)
+    ticks = [*(message.tick for message in sent), min(last, graph.end_tick)]
     lasts = [until - tick for tick, until in pairwise(ticks)]
     return HoldAccount(
         time_to_live_s=hold_ticks / graph.ticks_per_second,
         expired=sum(safe),
         safe_s=sum(stay for stay, is_safe in zip(lasts, safe, strict=True) if is_safe) / graph.ticks_per_second,
     )
+
+
+def _outlived(ticks: Sequence[int], hold_ticks: int) -> list[bool]:
+    """Which of the torques of a hold are safe ones: the first behind a time to live, until the next command.
+
+    Told by their times alone, since in real time there are no steps.
+    """
+    found: list[bool] = []
+    command: int | None = None
+    for tick in ticks:
+        outlived = command is not None and tick - command > hold_ticks and not found[-1]
+        if not outlived:
+            command = tick
+        found.append(outlived)
+    return found
 
 
 def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:

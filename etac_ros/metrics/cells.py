@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
+from etac_ros.metrics.fault_account import Excursion, FaultAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
 from etac_ros.metrics.verdict import GOOD, Spread, Verdict
 from etac_ros.tables.numbers import band, bracketed, optional, type_words
@@ -79,6 +80,36 @@ def acknowledgement_account_cells(account: AcknowledgementAccount) -> tuple[str,
 def hold_account_cells(account: HoldAccount) -> tuple[str, ...]:
     """In the order of ``HOLD_ACCOUNT``."""
     return f"{account.time_to_live_s:g}", f"{account.expired:,}", f"{account.safe_s:.6g}"
+
+
+FAULT_ACCOUNT = (
+    "node", "does", "at [s]", "for [s]", "missed", "waited", "plant", "band [deg]", "largest", "of [s]", "left [s]",
+    "back [s]",
+)  # fmt: skip
+"""Of a fault, a row a plant."""
+FAULT_NOTE = (
+    "missed: messages for the node that were lost to it; waited: that reached it when it went on; band: the largest "
+    "error over the tenth of the run before"
+)
+
+
+def fault_account_cells(account: FaultAccount) -> list[tuple[str, ...]]:
+    """In the order of ``FAULT_ACCOUNT``: a row a plant, or one where none has an attitude."""
+    whose = (
+        account.node, account.do.value, f"{account.at_s:.6g}", optional(account.for_s, ".6g"), f"{account.missed:,}",
+        f"{account.waited:,}",
+    )  # fmt: skip
+    rows = [(*whose, name, *_excursion_cells(one)) for name, one in account.plants.items()]
+    return rows or [(*whose, *[""] * (len(FAULT_ACCOUNT) - len(whose)))]
+
+
+def _excursion_cells(one: Excursion) -> tuple[str, ...]:
+    back = optional(one.back_s, ".6g")
+    if one.back_s is None:
+        back = "never left" if one.left_s is None else "not back"
+    return (
+        f"{one.band_deg:.3g}", f"{one.largest_deg:.3g}", f"{one.largest_at_s:.6g}", optional(one.left_s, ".6g"), back,
+    )  # fmt: skip
 
 
 def medium_account_cells(account: MediumAccount) -> tuple[str, ...]:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph, LinkKind
 from etac_ros.graph.module import Window
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import arrivals_by_tick, sent_at_triggers
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve
+from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.modules.triggering import Triggering
 from etac_ros.parameters import FloatArray
 
@@ -108,16 +110,20 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     Returns
     -------
     Decisions or None
-        None where nothing can be recomputed: the module has no trigger rule, it was not asked at every tick, or it
-        has sent nothing.
+        None where nothing can be recomputed: the module has no trigger rule, it was not asked at every tick, it
+        has sent nothing, or it was restarted, so that another one went on without its memory.
     """
     module = graph.modules[name]
-    if not isinstance(module, Triggering):
+    restarted = any(fault.kind is FaultKind.RESTART for fault in graph.faults_of(name))
+    if not isinstance(module, Triggering) or restarted:
         return None
     window = _samples(graph, recording, name)
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
     end = graph.end_tick if window is None else window.last + 1
     sent = [message for message in sent_at_triggers(graph, recording, name) if message.tick < end]
+    owner = graph.modules[name]
+    if isinstance(owner, SensingController) and name in graph.told:
+        owner.events = frozenset(message.tick for message in sent)
     heard = {tick: some for tick, some in arrivals_by_tick(graph, recording, name).items() if tick < end}
     rows = module.watched(window, heard)
     if rows is None or not sent:

@@ -27,6 +27,7 @@ from etac_ros.metrics.accounts import (
     link_accounts,
     medium_accounts,
 )
+from etac_ros.metrics.fault_account import FaultAccount, fault_accounts
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.latency import RealTimeAccount, real_time_account
 from etac_ros.metrics.published import measure, published_figures, stands_beside_paper, sum_of_sent, watches_of_module
@@ -174,6 +175,9 @@ class Summary(_Model):
     )
     media: dict[str, MediumAccount] = Field(default={}, description="what each shared medium carried")
     holds: dict[str, HoldAccount] = Field(default={}, description="zero-order holds with a time to live, by node")
+    faults: dict[str, FaultAccount] = Field(
+        default={}, description="what each fault of the scenario cost, in the order in which they began"
+    )
     network: Totals
     internal: Totals
     emulation: Totals
@@ -276,6 +280,7 @@ def summarise(
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
         holds=hold_accounts(graph, recording),
+        faults=fault_accounts(graph, recording),
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),

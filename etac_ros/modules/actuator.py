@@ -91,7 +91,8 @@ class Actuator(Module):
 
     def scan(self, window: Window | None, after: int) -> int | None:
         """The tick at which the newest command has outlived its time."""
-        return None if self._expires is None or self._expires <= after else self._expires
+        # Overdue is what expired while the process stood still.
+        return None if self._expires is None else max(self._expires, after + 1)
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
         """Let go of a command that is too old."""

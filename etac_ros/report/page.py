@@ -81,6 +81,7 @@ def _page(view: View, drawn: list[Drawn], columns: int) -> str:
         *tables.wire_tables(view),
         tables.medium_table(view),
         tables.hold_table(view),
+        tables.fault_table(view),
         tables.trigger_table(view),
         tables.performance_table(view),
         tables.watched_table(view),

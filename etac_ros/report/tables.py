@@ -8,6 +8,8 @@ from typing import Any
 from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
+    FAULT_ACCOUNT,
+    FAULT_NOTE,
     HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
@@ -15,6 +17,7 @@ from etac_ros.metrics.cells import (
     PERFORMANCE,
     WATCHED,
     acknowledgement_account_cells,
+    fault_account_cells,
     hold_account_cells,
     link_account_cells,
     medium_account_cells,
@@ -196,6 +199,21 @@ def hold_table(view: View) -> Table | None:
         {name: hold_account_cells(account) for name, account in run.summary.holds.items()} for run in view.runs
     ]
     return _of_runs("Holds with a time to live", "node", HOLD_ACCOUNT, view, found) if any(found) else None
+
+
+def fault_table(view: View) -> Table | None:
+    """What each fault cost; None if there are none."""
+    found: list[_Cells] = [
+        {
+            (name if len(account.plants) < 2 else f"{name}, {cells[6]}"): cells
+            for name, account in run.summary.faults.items()
+            for cells in fault_account_cells(account)
+        }
+        for run in view.runs
+    ]
+    if not any(found):
+        return None
+    return _of_runs("What faults cost", "fault", FAULT_ACCOUNT, view, found, (f"{FAULT_NOTE}.".capitalize(),))
 
 
 def trigger_table(view: View) -> Table | None:

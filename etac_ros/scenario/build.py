@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.channel import Channel
+from etac_ros.graph.faults import Fault
 from etac_ros.graph.graph import Graph, Link, LinkKind, Qos
 from etac_ros.graph.module import Context, Module
 from etac_ros.graph.plant import PlantModule
@@ -35,6 +37,7 @@ from etac_ros.scenario.classes import (
 from etac_ros.scenario.document import EVERYWHERE, choice, nearest, shown
 from etac_ros.scenario.faults import field_names, unknown_key
 from etac_ros.scenario.media import media_of
+from etac_ros.scenario.process_faults import check_faults, faults_of, spares_of
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
 
 _SHORT_NAMES: dict[str, type[Module]] = {
@@ -148,8 +151,14 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         if told:  # whether it can be told, only the module itself could tell
             modules[name] = _module(*given, told, f"{file}: {name}")
     modules = {name: modules[name] for name in nodes}
+    faults = faults_of(run, modules, end_tick, file)
+    for fault in faults:
+        context = modules[fault.node].context
+        spans = (*context.down, (fault.from_tick, fault.until_tick))
+        modules[fault.node].context = replace(context, down=spans)
+    down = {node: tuple(fault for fault in faults if fault.node == node) for node in {fault.node for fault in faults}}
     links = {
-        name: _link(name, section, run, ends[name], modules, _link_key(file, name))
+        name: _link(name, section, run, ends[name], modules, down, _link_key(file, name))
         for name, section in run.links.items()
     }
     external = frozenset(name for name, section in nodes.items() if section.get("external"))
@@ -159,8 +168,16 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         if link.acknowledged is not None:
             where = f"{_link_key(file, name)}.acknowledged"
             check_timeout(link.acknowledged, link.channel, media.get(link.medium), run.ticks_per_second, where)
-    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media)
+
+    def spare(name: str) -> Module:
+        incoming = tuple(link for link, (_, receivers) in ends.items() if any(node == name for node, _ in receivers))
+        told = modules[name].context.acknowledged
+        return _module(name, run, nodes, modules, formats[name], incoming, told, f"{file}: {name}")
+
+    spares = spares_of(faults, spare)
+    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media, faults, spares)
     _check(graph, file)
+    check_faults(graph, file)
     return graph
 
 
@@ -251,6 +268,7 @@ def _link(
     run: RunSection,
     ends: tuple[tuple[str, str], list[tuple[str, str]]],
     modules: Mapping[str, Module],
+    down: Mapping[str, tuple[Fault, ...]],
     where: str,
 ) -> Link:
     sender, port = ends[0]
@@ -292,6 +310,7 @@ def _link(
         section.bursts,
         section.duplication,
         run.ticks_per_second,
+        {node: down[node] for node in receivers if node in down},
     )
     if section.medium is not None and section.kind is LinkKind.PHYSICAL:
         raise ScenarioError(f"{where}.medium", "a physical link carries light or torque, no frames", "no key 'medium'")

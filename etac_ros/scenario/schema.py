@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from etac_ros.graph.channel import Bursts, Jitter
+from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import USUAL_QOS, AfterLast, LinkKind, Qos, Reliability
 from etac_ros.graph.wire import WireFormat
 from etac_ros.media.medium import Full
@@ -128,6 +129,23 @@ class MediumSection(Parameters):
     def _both_powers(self) -> MediumSection:
         if (self.transmit_w is None) != (self.receive_w is None):
             raise ValueError("transmit_w and receive_w belong together: give both, or neither")
+        return self
+
+
+class FaultSection(Parameters):
+    """One fault of the process of a node."""
+
+    at_s: NonNegativeFloat = Field(description="when it begins, simulated [s]")
+    node: str = Field(description="whose process it is")
+    do: FaultKind = Field(description="kill: for good; stall: it stands still; restart: a fresh one takes its place")
+    for_s: PositiveFloat | None = Field(default=None, description="how long a stall or restart lasts [s]")
+
+    @model_validator(mode="after")
+    def _lasts(self) -> FaultSection:
+        if self.do is FaultKind.KILL and self.for_s is not None:
+            raise ValueError("a kill is for good: leave for_s out, or do: restart")
+        if self.do is not FaultKind.KILL and self.for_s is None:
+            raise ValueError(f"a {self.do.value} lasts a while: it needs the key 'for_s'")
         return self
 
 
@@ -375,6 +393,7 @@ class RunSection(Parameters):
     )
     links: dict[str, LinkSection]
     media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
+    faults: dict[str, FaultSection] = Field(default={}, description="of the processes of nodes, by a name for each")
     steady_from_s: float | None = Field(
         default=None, ge=0.0, description="steady figures are taken from here on; default: over the last 40 %"
     )

@@ -54,8 +54,9 @@ class Duties:
     def reports(self, module: str) -> bool:
         """Whether the coordinator hears what a module does; what the others do it knows beforehand.
 
-        It knows it of modules that only answer, and of those that act at regular ticks. With several plants the
+        It knows it of modules that only answer, and of those that act at regular ticks, which one with a fault does
+        not. With several plants the
         latter report nevertheless: else nothing would tell a coordinator in a process of its own how far the run is.
         """
         regular = self._graph.modules[module].every is not None and self.timekeeper_with is not None
-        return module in self._graph.reporters and not regular
+        return module in self._graph.reporters and not (regular and not self._graph.faults_of(module))
