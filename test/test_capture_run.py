@@ -132,7 +132,7 @@ def test_account_agrees_with_an_independent_reading(scenario: str, duration_s: i
 @captures
 def test_recorder_is_apart_in_real_time_too(tmp_path: Path) -> None:
     """Its nodes have other topics of the emulation plane; a message to one receiver is one frame of data."""
-    arguments = ["run", "wu2018", "--set", "duration_s=20", "--clock", "wall", "--rate", "20", "--capture"]
+    arguments = ["run", "wu2018", "--set", "duration_s=5", "--clock", "wall", "--rate", "20", "--capture"]
     done = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "a.json"), "--bag", str(tmp_path / "bag")])
     assert done.exit_code == 0, done.output
     wire = Summary.model_validate_json((tmp_path / "a.json").read_text()).wire
