@@ -424,6 +424,12 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
+    if scenario.graph.faults:
+        named = ", ".join(sorted(scenario.run.faults))
+        raise ScenarioError(
+            f"--clock wall: faults {named}", "are emulated, and happen in simulated time only", "none in real time",
+            "leave the key faults out, or run in simulated time",
+        )  # fmt: skip
     check_priority(options.priority)
     return RealTime(rate_of(options.rate), options.strict, options.priority)
 

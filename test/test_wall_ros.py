@@ -135,6 +135,8 @@ def test_a_listener_gets_diagnostics_and_the_clock(tmp_path: Path, start: Start,
         (0.0, [], "--rate 0: is no rate"),
         (1.0, ["links.filtered_error.delay_ticks=2"], "--clock wall: links filtered_error: have an emulated delay"),
         (1.0, ["links.torque_command.loss=0.1"], "--clock wall: links torque_command: have an emulated delay"),
+        (1.0, ["links.filtered_error.acknowledged={timeout_s: 1.0}"], "links filtered_error: have an emulated delay"),
+        (1.0, ["faults.x={at_s: 1.0, node: /sensor, do: stall, for_s: 1.0}"], "--clock wall: faults x: are emulated"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_starts(
