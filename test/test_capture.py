@@ -44,12 +44,13 @@ from etac_ros.errors import RunError
 from etac_ros.media.overhead import OVERHEADS, Profile
 
 TOPIC = "/torque"
-RECORDED = "rt/emulation/recorded"
+TRUTH = "rt/emulation/plant/truth"
 ANNOUNCED = [
     *(frame(rtps(prefix, participant(prefix))) for prefix in PORTS),
     frame(rtps(PREFIX, announcement(PUBLICATIONS, PREFIX, WRITER, "rt/torque"))),
     frame(rtps(OTHER, announcement(SUBSCRIPTIONS, OTHER, READER, "rt/torque"))),
-    frame(rtps(RECORDER, announcement(PUBLICATIONS, RECORDER, WRITER, RECORDED))),
+    frame(rtps(PREFIX, announcement(PUBLICATIONS, PREFIX, b"\0\0\5\3", TRUTH))),
+    frame(rtps(RECORDER, announcement(SUBSCRIPTIONS, RECORDER, READER, TRUTH))),
 ]
 
 

@@ -61,7 +61,7 @@ class Independent:
         for _, _, _, submessages in taken:
             for submessage in submessages:
                 self._learn(submessage, topics, places)
-        recorder = {guid[:12] for guid, topic in topics.items() if topic == "rt/emulation/recorded" and guid[15] == 3}
+        recorder = {guid[:12] for guid, topic in topics.items() if topic.endswith("/truth") and guid[15] == 4}
         for frame, port, prefix, submessages in taken:
             first = next((one for one in submessages if {"writer_id", "writerEntityIdKey"} & set(one.fields)), None)
             if first is None or recorder & {prefix, places.get(port)}:
@@ -127,6 +127,20 @@ def test_account_agrees_with_an_independent_reading(scenario: str, duration_s: i
     shown = CliRunner().invoke(app, ["info", str(tmp_path / "bag")])
     assert "all that was captured" in shown.output
     assert read_run(tmp_path / "bag").summary.wire == wire  # which the report shows
+
+
+@captures
+def test_recorder_is_apart_in_real_time_too(tmp_path: Path) -> None:
+    """Its nodes have other topics of the emulation plane; a message to one receiver is one frame of data."""
+    arguments = ["run", "wu2018", "--set", "duration_s=5", "--clock", "wall", "--rate", "20", "--capture"]
+    done = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "a.json"), "--bag", str(tmp_path / "bag")])
+    assert done.exit_code == 0, done.output
+    wire = Summary.model_validate_json((tmp_path / "a.json").read_text()).wire
+    assert wire is not None
+    assert wire.other == {}
+    topic = wire.topics["/torque_command"]
+    assert topic.causes[Cause.DATA].frames - topic.resent == topic.messages > 0
+    assert topic.recorder.payload_bytes >= 12 * topic.messages
 
 
 def test_model_stands_where_nothing_was_captured(tmp_path: Path) -> None:

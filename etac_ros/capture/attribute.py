@@ -20,7 +20,7 @@ from etac_ros.capture.datagram import Datagram, datagrams
 from etac_ros.capture.discovery import LIVELINESS, ROS_DISCOVERY, Address, Directory, is_built_in
 from etac_ros.capture.rtps import FROM_READER, Kind, Malformed, Prefix, RtpsMessage, Submessage
 from etac_ros.capture.rtps import parse as parse_rtps
-from etac_ros.graph.topics import RECORDED
+from etac_ros.graph.topics import is_truth
 
 _CAUSES = {
     Kind.DATA: Cause.DATA,
@@ -96,7 +96,7 @@ class _Books:
         self._recorders = {
             prefix
             for (prefix, entity), topic in directory.topics.items()
-            if topic == RECORDED and entity[3] & 0x3F in (0x02, 0x03)  # its writer: 9.3.1.2
+            if is_truth(topic) and entity[3] & 0x3F in (0x04, 0x07)  # a reader of it: 9.3.1.2
         }
         self._parts: defaultdict[_Part, Counter[str]] = defaultdict(Counter)
         self._samples: defaultdict[str, set[tuple[Prefix, bytes, int]]] = defaultdict(set)
