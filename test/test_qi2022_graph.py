@@ -104,10 +104,19 @@ def test_three_parts_make_one_run(tmp_path: Path) -> None:
             command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
 
-    parts = [part("/pm"), part("/sm"), part("/sim", "--bag", "bag", "--json", "summary.json")]
+    parts = [
+        part("/pm", "--bag", "pm", "--json", "pm.json", "--live"),
+        part("/sm"),
+        part("/sim", "--bag", "bag", "--json", "summary.json"),
+    ]
+    shown = []
     for process in parts:
         output, _ = process.communicate(timeout=90)
         assert process.returncode == 0, output
+        shown.append(output)
+    assert "--bag, --json, --live: no effect here; the part that keeps time records the run" in shown[0]
+    assert "ws://" not in shown[0]
+    assert "no effect" not in shown[1] + shown[2]
     summary = Summary.model_validate_json((tmp_path / "summary.json").read_text())
     expected = run_in_process(load("qi2022", None, ["duration_s=5"])).summary
     assert summary.triggers == expected.triggers

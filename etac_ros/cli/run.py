@@ -89,11 +89,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.capture is not None:
         _check_capture(request)
-    if request.live is not None:
-        if request.engine != "ros":
-            raise ScenarioError("--live", "is for --engine ros")
-        check_live(request.live)
-        console.print(f"live: ws://{HOST}:{request.live}, in Foxglove: Open connection", soft_wrap=True)
+    if request.live is not None and request.engine != "ros":
+        raise ScenarioError("--live", "is for --engine ros")
     if request.only is not None and request.pace is not None:
         raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
     if request.only is not None:
@@ -103,9 +100,14 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
-            if request.capture is not None:
-                print("etac: --capture: nothing was captured here; the part that keeps time does it", file=sys.stderr)
+            given = {"--bag": request.bag, "--json": request.json, "--live": request.live, "--capture": request.capture}
+            idle = ", ".join(option for option, value in given.items() if value is not None)
+            if idle:
+                print(f"etac: {idle}: no effect here; the part that keeps time records the run", file=sys.stderr)
             return
+    if request.live is not None:
+        check_live(request.live)
+        console.print(f"live: ws://{HOST}:{request.live}, in Foxglove: Open connection", soft_wrap=True)
     if request.bag is not None:
         check_writable(request.bag)
     check_output("--json", request.json)
