@@ -31,6 +31,7 @@ from etac_ros.capture.account import WireAccount
 from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
+from etac_ros.engines.ros.several_machines import Machines
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
@@ -371,6 +372,8 @@ class RosOptions:
     priority
         In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
         one.
+    machines
+        Those that the run is spread over; None keeps to this one.
     """
 
     processes: str = "node"
@@ -384,6 +387,7 @@ class RosOptions:
     keep_capture: Path | None = None
     pace: float | None = None
     priority: int = 0
+    machines: Machines | None = None
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -402,6 +406,14 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
+    if scenario.graph.faults:
+        names = ", ".join(fault.name for fault in scenario.graph.faults)
+        raise ScenarioError(
+            f"--clock wall: faults {names}",
+            "are functions of simulated time",
+            "a scenario without faults: in real time, stop or end a process yourself",
+            f"take them away: {' '.join(f'--set faults.{fault.name}=null' for fault in scenario.graph.faults)}",
+        )
     emulated = [link.name for link in scenario.graph.links.values() if not link.is_ideal]
     if emulated:
         raise ScenarioError(
@@ -444,7 +456,8 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     warm_up(scenario)
     processes = Processes(options.processes)
     with SignalGuard() as guard:
-        Launcher(plan, processes, options.domain, options.only, _no_bag, lambda *_: None, lambda _: None, guard).run()
+        mute = (_no_bag, lambda *_: None, lambda _: None)
+        Launcher(plan, processes, options.domain, options.only, *mute, guard, options.machines).run()
     return True
 
 
@@ -533,6 +546,7 @@ def run_over_ros(
                 on_progress,
                 on_start,
                 guard,
+                options.machines,
             )
             try:
                 outcome = launcher.run()

@@ -16,6 +16,7 @@ from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
+from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.runs import (
     RosOptions,
@@ -41,6 +42,8 @@ def play(
     rate: float | None = None,
     strict: bool = False,
     priority: int = 0,
+    peers: str | None = None,
+    interface: str | None = None,
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -56,6 +59,8 @@ def play(
         How long a node may owe an answer before it is reported [s].
     rate, strict, priority
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
+    peers, interface
+        As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
 
     Raises
     ------
@@ -64,7 +69,9 @@ def play(
     """
     domain = domain_of_environment(os.environ) or 0
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
-    join_by_hand(os.environ, domain)
+    machines = machines_of(peers, interface)
+    find_peers(machines, domain)
+    join_by_hand(os.environ, domain, machines)
     scenario = load_files(params_files)
     from etac_ros.engines.ros.host import leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan

@@ -35,6 +35,7 @@ from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
+from etac_ros.engines.ros.several_machines import Machines
 from etac_ros.engines.ros.signals import SignalGuard, held_back
 from etac_ros.engines.ros.wall_host import host_of
 from etac_ros.errors import EtacError, RunError
@@ -108,6 +109,8 @@ class Launcher:
         Told the process of each node once all are started.
     guard
         Keeps signals for the moments at which a run can be ended; None where nobody does.
+    machines
+        Those that the run is spread over; None keeps to this one.
 
     Attributes
     ----------
@@ -125,6 +128,7 @@ class Launcher:
         on_progress: Progress,
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
+        machines: Machines | None = None,
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -143,6 +147,7 @@ class Launcher:
         # The others of a run in parts, and foreign nodes, are started by hand.
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
+        self._machines = machines
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
@@ -202,7 +207,7 @@ class Launcher:
         fork = multiprocessing.get_context("fork")
         ours, theirs = fork.Pipe(duplex=False)
         supervised = Supervised(os.getpid(), self._signs, place)
-        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised)
+        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -324,6 +329,7 @@ class _Task:
     domain: int
     patient: bool
     supervised: Supervised
+    machines: Machines | None
 
 
 def _ending(exitcode: int | None) -> str:
@@ -334,7 +340,7 @@ def _ending(exitcode: int | None) -> str:
 
 def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
-    enter_launched_run(os.environ, task.domain, private=not task.patient)
+    enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
     label = f"node {', '.join(task.names)}"
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:
