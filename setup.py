@@ -6,6 +6,9 @@ from setuptools import find_packages, setup
 
 NODES = ("plant", "sensor", "controller", "actuator", "recorder", "coordinator")
 
+# The documentation site, which CI builds
+DOCS = ["furo", "myst-parser", "numpydoc", "sphinx"]
+
 # ROS 2 Jazzy for machines without ROS. There are wheels for CPython 3.11 and 3.12 on manylinux x86_64 only.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 
@@ -64,7 +67,9 @@ setup(
         "cluster": ["distributed"],
         "live": ["foxglove-sdk"],
         "mutation": ["cosmic-ray"],
+        "docs": DOCS,
         "test": [
+            *DOCS,
             "colcon-common-extensions",
             "cyclonedds",
             "distributed",

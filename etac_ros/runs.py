@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +20,13 @@ from etac_ros import __version__
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
+from etac_ros.bag.live import LIVE_WAITS_S, LiveView, check_live
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.run_metadata import of_wall_clock
-from etac_ros.bag.state import StateStreams
+from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.topics import TopicDescription, recorded_topics
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
@@ -151,10 +153,12 @@ def open_bag(
     extra: tuple[TopicDescription, ...] = (),
     state: StateStreams | None = None,
     wall: WallClock | None = None,
+    live: int | None = None,
 ) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside.
 
-    ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time.
+    ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time, ``live`` the
+    port on which the run is shown while it is recorded.
     """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
@@ -163,17 +167,24 @@ def open_bag(
     if wall is not None:
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
-        state = None if state is None else state_streams(scenario, wall)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall)
+        state = None if state is None else state_streams(scenario, wall, live is not None)
+    show = None if live is None else partial(LiveView, name=scenario.name, port=live)
+    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall, show)
 
 
-def state_streams(scenario: Scenario, wall: WallClock | None = None) -> StateStreams | None:
+def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool = False) -> StateStreams | None:
     """What shows the state of the bodies in the bag of a scenario's run; None if it asks for none.
 
-    ``wall`` is the clock of a run in real time.
+    ``wall`` is the clock of a run in real time, ``live`` whether somebody may be looking.
     """
     rate_hz = scenario.run.state_rate_hz
-    return None if rate_hz == 0.0 else StateStreams(scenario.graph, rate_hz, wall)
+    if rate_hz == 0.0:
+        return None
+    graph = scenario.graph
+    # In real time a law's triggering instants do not follow from the samples alone.
+    watched = wall is None and any(watchers_of(graph, plant) for plant in graph.plants)
+    waits_s = LIVE_WAITS_S if live else WAITS_S
+    return StateStreams(graph, rate_hz, wall, waits_s, scenario.build() if watched else None)
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
@@ -374,6 +385,8 @@ class RosOptions:
         one.
     machines
         Those that the run is spread over; None keeps to this one.
+    live
+        Port on which the run is shown to Foxglove while it goes on, on this machine; None shows nothing.
     """
 
     processes: str = "node"
@@ -388,6 +401,7 @@ class RosOptions:
     pace: float | None = None
     priority: int = 0
     machines: Machines | None = None
+    live: int | None = None
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -422,6 +436,12 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
+    if scenario.graph.faults:
+        named = ", ".join(sorted(scenario.run.faults))
+        raise ScenarioError(
+            f"--clock wall: faults {named}", "are emulated, and happen in simulated time only", "none in real time",
+            "leave the key faults out, or run in simulated time",
+        )  # fmt: skip
     check_priority(options.priority)
     return RealTime(rate_of(options.rate), options.strict, options.priority)
 
@@ -528,7 +548,9 @@ def run_over_ros(
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
-    state = state_streams(scenario)
+    if options.live is not None:
+        check_live(options.live)
+    state = state_streams(scenario, live=options.live is not None)
     for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
         (
             schema_text(topic.type_name),
@@ -542,7 +564,7 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall),
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live),
                 on_progress,
                 on_start,
                 guard,

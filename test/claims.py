@@ -227,6 +227,11 @@ def _ticks_with_several(one: Run) -> float:
     return float(sum(count > 1 for count in Counter(_ticks_of_triggers(one)).values()))
 
 
+def _each(one: Run, what: str) -> float:
+    topic = one.summary.topics["/filtered_error"]
+    return float(getattr(topic, what)) / topic.messages
+
+
 OWN: dict[str, Callable[[Run], float]] = {
     "measurement_size": lambda one: float(one.scenario.build().links["relative"].wire.size),
     "saved_percent": lambda one: (
@@ -235,6 +240,9 @@ OWN: dict[str, Callable[[Run], float]] = {
     ),
     "triggers_in_all": lambda one: float(sum(found.count for found in one.summary.triggers.values())),
     "ticks_with_several": _ticks_with_several,
+    "payload_a_message": lambda one: _each(one, "payload_bytes"),
+    "cdr_a_message": lambda one: _each(one, "cdr_bytes"),
+    "wire_a_message": lambda one: _each(one, "model_wire_bytes"),
     "duration_s": lambda one: one.scenario.run.duration_s,
     "modes_settled_s": _modes_settled_s,
     "largest_disturbance_axis_nm": _largest_disturbance,

@@ -16,6 +16,7 @@ from etac_ros.errors import ProtocolError, RunHalted
 from etac_ros.graph.channel import Channel
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.replay import deliveries
 from etac_ros.media.frame import Outcome
 from etac_ros.metrics.accounts import LinkAccount, MediumAccount, link_accounts, medium_accounts, overflows
 from etac_ros.report import write_report
@@ -170,3 +171,20 @@ def test_the_pair_survives_fades_only_because_of_acknowledgements() -> None:
         summary = run_in_process(load(name, "bad-radio")).summary
         assert sum(account.given_up for account in summary.links.values()) > 0
         assert all(plant.max_attitude_error_deg < 1.0 for plant in summary.performance.values())
+
+
+def test_the_account_of_a_run_that_a_watch_ends_goes_no_further_than_it(tmp_path: Path) -> None:
+    # Nothing gets through from 1 s on, and the pair touches: what is still to be sent again then is not given up.
+    keys = ["links.relative={outages: {sm/controller: [1.0, 90.0]}, acknowledged: {timeout_s: 2.0}}"]
+    graph = load("qi2022", None, keys).build()
+    engine = InProcess(graph)
+    recording = engine.run()
+    assert engine.master.halted
+    last = recording.samples("/sim/plant")[1].shape[0] - 1
+    account = link_accounts(graph, recording)["relative"]
+    arrived = deliveries(graph, recording, graph.links["relative"], "/sm/controller")
+    assert account.delivered == sum(one.tick <= last for one in arrived)
+    assert account.under_way == 1
+    assert account.given_up == 0
+    assert account.peak_age_s is not None
+    assert account.peak_age_s <= (last + 1) / graph.ticks_per_second

@@ -23,7 +23,9 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import conversation, deliveries
 from etac_ros.graph.wire import WireFormat
 from etac_ros.metrics.accounts import LinkAccount, link_accounts, medium_accounts
+from etac_ros.metrics.decisions import decisions, margins
 from etac_ros.modules.hold import Hold
+from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 from etac_ros.timing.windows import WindowPolicy
@@ -296,3 +298,25 @@ def test_what_is_refused_with_a_remedy(case: str) -> None:
     name, overrides, words = REFUSED[case]
     with pytest.raises(ScenarioError, match=words):
         load(name, None, overrides)
+
+
+@pytest.mark.parametrize("variant", ["fitted", "events"])
+def test_a_law_that_changes_at_events_is_replayed_with_those_of_the_run(variant: str) -> None:
+    link = {"loss": 0.4, "acknowledged": {"timeout_s": 0.02, "retries": 0}}
+    scenario = load("shi2022", variant, ["duration_s=5", f"links.torque_command={link}"])
+    graph = scenario.build()
+    assert graph.told == {"/controller"}
+    recording = InProcess(graph).run()
+    found = decisions(scenario.build(), recording, "/controller")
+    assert found is not None
+    assert len(found.ticks) > 10
+    # Each event renews a component at least; the others stay as the other side is known to hold them.
+    same = np.isclose(found.rows[found.ticks], found.held, rtol=1e-6, atol=1e-9)
+    assert same.any(axis=1).all()
+    for place, column in zip(*np.nonzero(~same), strict=True):
+        assert found.held[place, column] in found.held[:place, column]
+    assert margins(graph, found, "/controller") is None
+    module = scenario.build().modules["/controller"]
+    assert isinstance(module, SensingController)
+    with pytest.raises(ValueError, match="give the events"):
+        module.memories(recording.samples("/plant")[1], 0)

@@ -92,3 +92,16 @@ def test_the_safe_command_is_zero_and_a_command_at_the_last_tick_is_in_time() ->
 def test_without_a_time_to_live_nothing_expires_and_no_account_is_given() -> None:
     summary = run_in_process(load("wu2018", "periodic", OUTAGE)).summary
     assert summary.holds == {}
+
+
+def test_a_command_at_the_tick_at_which_the_one_before_expires_comes_behind_the_safe_one() -> None:
+    # Nine ticks of life, commands at 0, 10, 20 (lost) and 30: the first expires at 10, just before the second comes.
+    keys = ["links.torque_command.outages={actuator: [0.5, 0.875]}", "actuator.time_to_live_s=0.28125"]
+    period = ["duration_s=1", "sensor.trigger.period_s=0.3125"]
+    graph = load("wu2018", "periodic", [*period, *keys]).build()
+    recording = InProcess(graph).run()
+    assert [(message.tick, message.step) for message in recording.messages["torque"]] == [
+        (0, 2), (10, 0), (10, 2), (20, 0), (30, 2),
+    ]  # fmt: skip
+    account = hold_accounts(graph, recording)["/actuator"]
+    assert (account.expired, account.safe_s) == (2, 10 / 32)

@@ -209,3 +209,18 @@ def test_in_real_time_the_state_stands_at_the_instants_of_its_ticks_and_tells_no
     assert not any("torque" in topic for topic in topics if topic.startswith("/state/"))
     assert times == [wall.instant_ns(tick) for tick in range(0, 2 * len(times), 2)]
     assert len(times) > 200
+
+
+def test_what_modules_watch_is_shown_whatever_the_chunks_were(tmp_path: Path) -> None:
+    """The law's memory of shi2022 is folded over every sample, of which few are shown."""
+    name, overrides = "/state/controller/watched/performance_variable_chi", ["duration_s=5", "state_rate_hz=4"]
+    for variant in (None, "events"):
+        folder = tmp_path / str(variant)
+        run_in_process(load("shi2022", variant, overrides), folder / "calls")
+        run_over_ros(load("shi2022", variant, overrides), folder / "dds", RosOptions(processes="one"))
+        first, watches = read_run(folder / "calls").watches["/controller"]
+        for bag in ("calls", "dds"):
+            found = shown(folder / bag)[name]
+            ticks = ticks_of(found, load("shi2022").run.ticks_per_second)
+            assert len(ticks) == 21
+            assert [xyz(m.vector) for _, m in found] == watches[0].values[np.array(ticks) - first].tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import pytest
@@ -43,12 +44,13 @@ from etac_ros.errors import RunError
 from etac_ros.media.overhead import OVERHEADS, Profile
 
 TOPIC = "/torque"
-RECORDED = "rt/emulation/recorded"
+TRUTH = "rt/emulation/plant/truth"
 ANNOUNCED = [
     *(frame(rtps(prefix, participant(prefix))) for prefix in PORTS),
     frame(rtps(PREFIX, announcement(PUBLICATIONS, PREFIX, WRITER, "rt/torque"))),
     frame(rtps(OTHER, announcement(SUBSCRIPTIONS, OTHER, READER, "rt/torque"))),
-    frame(rtps(RECORDER, announcement(PUBLICATIONS, RECORDER, WRITER, RECORDED))),
+    frame(rtps(PREFIX, announcement(PUBLICATIONS, PREFIX, b"\0\0\5\3", TRUTH))),
+    frame(rtps(RECORDER, announcement(SUBSCRIPTIONS, RECORDER, READER, TRUTH))),
 ]
 
 
@@ -158,12 +160,42 @@ def test_what_belongs_to_nobody_is_named() -> None:
     }
 
 
-def test_fragments_of_ip_are_no_datagrams() -> None:
-    whole = frame(rtps(PREFIX, heartbeat(WRITER)))
-    assert parse_datagram(whole) is not None
-    assert parse_datagram(whole[:20] + b"\x20\x00" + whole[22:]) is None  # more fragments
-    assert parse_datagram(whole[:20] + b"\x00\x10" + whole[22:]) is None  # an offset
+def fragments(whole: bytes, size: int) -> list[bytes]:
+    """The frames that IP makes of one, with so many bytes in each but the last."""
+    packet = whole[34:]
+    found = []
+    for start in range(0, len(packet), size):
+        content = packet[start : start + size]
+        more = 0x2000 if start + size < len(packet) else 0
+        length = struct.pack("!H", 20 + len(content))
+        place = struct.pack("!H", more | start // 8)
+        found.append(whole[:16] + length + whole[18:20] + place + whole[22:34] + content)
+    return found
+
+
+def test_datagrams_in_fragments_of_ip_are_put_together() -> None:
+    """As on a link that takes 1,500 bytes: each frame has its Ethernet and IP headers, the first that of UDP, too."""
+    whole = frame(rtps(PREFIX, data(WRITER, 1, cdr(400))), PORTS[OTHER])
+    parts = fragments(whole, 160)
+    assert len(parts) == 3
+    for order in (parts, parts[::-1]):
+        found = account(*order[:2], frame(rtps(PREFIX, heartbeat(WRITER)), PORTS[OTHER]), order[2]).topics[TOPIC]
+        sent = found.causes[Cause.DATA]
+        assert (sent.frames, sent.ethernet_bytes, sent.udp_ip_bytes) == (3, 3 * 14, 3 * 20 + 8)
+        assert sent.total_bytes == sum(map(len, parts))
+    announced = fragments(frame(rtps(PREFIX, announcement(PUBLICATIONS, PREFIX, b"\0\0\7\3", "rt/late"))), 40)
+    late = frame(rtps(PREFIX, data(b"\0\0\7\3", 1, cdr(16))))
+    assert account(*announced, late).topics["/late"].messages == 1
+    torn = account(*parts[:2])
+    assert torn.other["no whole UDP datagram"].total_bytes == sum(map(len, parts[:2]))
     assert parse_datagram(whole[:-1]) is None  # shorter than it says
+
+
+def test_what_happened_before_is_known_and_not_counted() -> None:
+    sent = frame(rtps(PREFIX, data(WRITER, 1, cdr(16))), PORTS[OTHER])
+    found = attribute([sent], {TOPIC: 12}, before=ANNOUNCED)
+    assert found.topics[TOPIC].messages == 1
+    assert (found.frames, found.total_bytes, found.other) == (1, len(sent), {})
 
 
 def test_filling_of_short_frames_is_ethernet() -> None:
@@ -211,6 +243,7 @@ FRAMES = st.builds(
     st.sampled_from([*PORTS.values(), 9999]),
     st.sampled_from([0, 60, 200]),
 )
+FRAGMENTS = st.builds(lambda whole, size: fragments(whole, size)[0], FRAMES, st.sampled_from([8, 40, 80]))
 
 
 @st.composite
@@ -225,7 +258,7 @@ def damaged(draw: st.DrawFn) -> bytes:
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(st.one_of(FRAMES, damaged(), st.binary(max_size=80)), max_size=8), st.booleans())
+@given(st.lists(st.one_of(FRAMES, damaged(), FRAGMENTS, st.binary(max_size=80)), max_size=8), st.booleans())
 def test_every_byte_is_counted_once(frames: list[bytes], announced: bool) -> None:
     captured = [*(ANNOUNCED if announced else ()), *frames]
     found = attribute(captured, {TOPIC: 12})

@@ -26,6 +26,7 @@ from etac_ros.capture.live import CannotCapture, Capture, open_socket, ports_of
 from etac_ros.cli.main import app
 from etac_ros.errors import BagError, RunError
 from etac_ros.metrics.summary import Summary
+from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_over_ros
 from etac_ros.scenario.load import load
 
@@ -60,7 +61,7 @@ class Independent:
         for _, _, _, submessages in taken:
             for submessage in submessages:
                 self._learn(submessage, topics, places)
-        recorder = {guid[:12] for guid, topic in topics.items() if topic == "rt/emulation/recorded" and guid[15] == 3}
+        recorder = {guid[:12] for guid, topic in topics.items() if topic.endswith("/truth") and guid[15] == 4}
         for frame, port, prefix, submessages in taken:
             first = next((one for one in submessages if {"writer_id", "writerEntityIdKey"} & set(one.fields)), None)
             if first is None or recorder & {prefix, places.get(port)}:
@@ -125,6 +126,33 @@ def test_account_agrees_with_an_independent_reading(scenario: str, duration_s: i
     assert read_from_bag(tmp_path / "bag") == wire
     shown = CliRunner().invoke(app, ["info", str(tmp_path / "bag")])
     assert "all that was captured" in shown.output
+    assert read_run(tmp_path / "bag").summary.wire == wire  # which the report shows
+
+
+@captures
+def test_recorder_is_apart_in_real_time_too(tmp_path: Path) -> None:
+    """Its nodes have other topics of the emulation plane; a message to one receiver is one frame of data."""
+    arguments = ["run", "wu2018", "--set", "duration_s=5", "--clock", "wall", "--rate", "20", "--capture"]
+    done = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "a.json"), "--bag", str(tmp_path / "bag")])
+    assert done.exit_code == 0, done.output
+    wire = Summary.model_validate_json((tmp_path / "a.json").read_text()).wire
+    assert wire is not None
+    assert wire.other == {}
+    topic = wire.topics["/torque_command"]
+    assert topic.causes[Cause.DATA].frames - topic.resent == topic.messages > 0
+    assert topic.recorder.payload_bytes >= 12 * topic.messages
+
+
+def test_model_stands_where_nothing_was_captured(tmp_path: Path) -> None:
+    """84 messages of 12 bytes, each a frame of 174 to its one receiver, the recorder being another."""
+    arguments = ["run", "wu2018", "--engine", "inprocess", "--bag", str(tmp_path / "bag")]
+    for command in (arguments, ["info", str(tmp_path / "bag")]):
+        shown = CliRunner().invoke(app, command, env={"COLUMNS": "160"})
+        assert shown.exit_code == 0, shown.output
+        (row,) = [line.split() for line in shown.output.splitlines() if line.startswith("/torque_command")]
+        assert row[2:6] == ["84", "1,008", "1,344", f"{84 * 174:,}"]
+        assert "on Ethernet*" in shown.output
+        assert "* a model" in shown.output
 
 
 @captures

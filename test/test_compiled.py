@@ -12,6 +12,7 @@ import pytest
 
 from etac_ros.maths.compiled import kernel
 from etac_ros.maths.vector import cross
+from etac_ros.plants import flexible, manoeuvre, pm_sm, rigid, rigid_mrp
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -89,3 +90,10 @@ def test_a_users_class_may_compile_with_numba_itself_and_call_functions_of_ours(
         print(own_kernel.turned(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])).tolist())
     """
     assert python(script, tmp_path).strip() == "[0.0, 0.0, 1.0]"
+
+
+def test_kernels_of_plants_have_names_of_their_own() -> None:
+    """Symbols of cached machine code are made of them: alike, they get in each other's way once both are loaded."""
+    plants = (rigid, rigid_mrp, pm_sm, flexible, manoeuvre)
+    names = {plant._propagate.__qualname__ for plant in plants}
+    assert len(names) == len(plants)

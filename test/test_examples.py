@@ -14,11 +14,14 @@ import pytest
 import yaml
 from hands import Start, foreign
 from rich.console import Console
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from etac_ros.cli.contract import contract, example, show_contract
+from etac_ros.cli.contract import contract, example, show_contract, window_example
 from etac_ros.engines.ros.domain import DomainLease
+from etac_ros.engines.ros.messages import decode_window
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import LinkKind
+from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
@@ -123,8 +126,8 @@ def test_these_roles_are_for_real_time(node: str, tmp_path: Path) -> None:
         run_over_ros(scenario, tmp_path / "bag")
 
 
-def test_examples_know_nothing_of_etac_ros() -> None:
-    for path in EXAMPLES.glob("*.py"):
+def test_foreign_nodes_know_nothing_of_etac_ros() -> None:
+    for path in (*EXAMPLES.glob("foreign_*.py"), EXAMPLES / "dds_controller.py", EXAMPLES / "real_time.py"):
         assert "import etac_ros" not in path.read_text()
         assert "from etac_ros" not in path.read_text()
 
@@ -187,6 +190,19 @@ def test_an_example_is_the_message_that_it_says(kind: WireFormat, size: int) -> 
     message = message_type(wire)()
     fill(message, yaml.safe_load(example(wire)))
     assert decode(message) == pytest.approx([0.1 * (place + 1) for place in range(size)])
+
+
+def test_an_example_of_a_window_is_one() -> None:
+    graph = load("wu2018").graph
+    plant = graph.modules["/plant"]
+    assert isinstance(plant, PlantModule)
+    values = yaml.safe_load(window_example(plant))
+    layout = MultiArrayLayout(
+        dim=[MultiArrayDimension(**one) for one in values["layout"].pop("dim")], **values["layout"]
+    )
+    window, _ = decode_window(Float64MultiArray(layout=layout, data=[float(one) for one in values["data"]]), "/plant")
+    assert (window.epoch, window.start, window.last) == (1, 0, 0)
+    assert window.samples[0] == pytest.approx(plant.state, rel=1e-5)
 
 
 def test_the_contract_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

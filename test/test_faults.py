@@ -10,6 +10,7 @@ import yaml
 from network import every_interleaving
 from test_engines_equal import assert_same
 from test_interleavings import assert_as_in_process, network_of
+from test_ported_experiments import servo
 from toy import toy, trace
 
 from etac_ros.engines.inprocess import InProcess
@@ -189,6 +190,14 @@ def test_windows_change_nothing(system: str) -> None:
     scenario = load(*SYSTEMS[system])
     runs = [InProcess(scenario.build(), WindowPolicy(first, most)).run() for first, most in ((1, 1), (3, 7), (64, 512))]
     assert any(runs[0].messages.values())
+    for other in runs[1:]:
+        assert_same(runs[0], other)
+
+
+@pytest.mark.parametrize("kind", ["stall", "restart"])
+def test_windows_change_nothing_for_a_rule_with_memory(kind: str, tmp_path: Path) -> None:
+    scenario = servo(tmp_path, ["sensor.trigger={class: 'ported:Dynamic'}", fault(0.5, "/sensor", kind, 0.3)])
+    runs = [InProcess(scenario.build(), WindowPolicy(first, most)).run() for first, most in ((1, 1), (3, 7), (64, 512))]
     for other in runs[1:]:
         assert_same(runs[0], other)
 

@@ -69,15 +69,6 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
             "links.torque_command={bursts: {good_s: 2.0, bad_s: 1.0}}",
         ],
     ),
-    "wu2018 acknowledged": (
-        "wu2018",
-        None,
-        [
-            "duration_s=20",
-            "links.filtered_error={delay_ticks: 2, loss: 0.4, acknowledged: {timeout_s: 0.2, retries: 1}}",
-            "links.torque_command={loss: 0.3, acknowledged: {timeout_s: 0.05}}",
-        ],
-    ),
     "wu2018 acknowledged on the air": (
         "wu2018",
         None,
@@ -97,7 +88,7 @@ SYSTEMS: Mapping[str, tuple[str, str | None, list[str]]] = {
         "xie2021",
         None,
         [
-            "duration_s=0.2",
+            "duration_s=0.1",
             "media={air: {rate_bit_s: 100000.0, overhead: ieee-802.15.4, queue: {full: replace}}}",
             "links.state={medium: air, loss: 0.3, acknowledged: {timeout_s: 0.01, by: all}}",
         ],

@@ -24,7 +24,7 @@ from etac_ros.scenario.load import load
 
 BEST_EFFORT = Qos(Reliability.BEST_EFFORT)
 TOPICS = ("/filtered_error", "/torque_command")
-CHOSEN = ["duration_s=100", "links.filtered_error.reliability=best_effort", "links.torque_command.history=8"]
+CHOSEN = ["duration_s=100", "links.filtered_error.reliability=best_effort", "links.torque_command.history=2048"]
 
 
 def test_profiles() -> None:

@@ -238,3 +238,57 @@ def test_draws_are_uniform_and_belong_to_frame_and_turn() -> None:
     assert len(set(values)) == len(values)
     assert abs(sum(values) / len(values) - 0.5) < 5.0 / (12.0 * len(values)) ** 0.5
     assert drawn("a1", 7, 3) == values[6 * 20 + 3]
+
+
+def test_who_becomes_the_first_of_its_sender_begins_no_earlier_than_now() -> None:
+    """Where the latest value takes the place of one that waits, another frame of the sender may be first at once."""
+    rule = Csma(CsmaParameters(slot_s=20e-6, window=64, window_most=64), LINES)
+    late = 0
+    for time in range(10, 1300, 10):
+        fates = run(medium(rule, Full.REPLACE), [(0, "a1"), (1, "a2"), (time, "a1")])
+        replaced = [fate for fate in fates if fate.outcome is Outcome.DROPPED]
+        starts = {(fate.link, fate.sequence): fate.start_ns for fate in fates}
+        if replaced:
+            assert starts["a2", 1] >= time * US
+            late += starts["a2", 1] == time * US
+    assert late  # it would have begun before, had it been alone
+
+
+def test_an_acknowledgement_follows_its_frame_before_anybody_else() -> None:
+    lines = {**LINES, "a1<-1": Line("/b", 0, 5, 50 * US, True)}
+    expected = {
+        "csma": ["a1", "a1<-1", "b1"],  # without backoff, and no slot to collide in
+        "fifo": ["a1", "b1", "a1<-1"],  # in the order of offering, as all
+        "priority": ["a1", "a1<-1", "b1"],  # as important as its link
+    }
+    rules = {
+        "csma": Csma(CsmaParameters(slot_s=20e-6, window=1, window_most=1), lines),
+        "fifo": Fifo(FifoParameters(), lines),
+        "priority": Priority(PriorityParameters(order=("a1",)), lines),
+    }
+    for name, rule in rules.items():
+        air = Medium(MediumPlan("air", 1, 1.0, 0, 64, Full.NEWEST, lines, rule))
+        air.offer("a1", 1, 0)
+        air.advance(50 * US)
+        air.offer("b1", 1, 50 * US)  # senses the air, and draws no wait
+        assert air.advance(100 * US)[0].link == "a1"
+        air.offer("a1<-1", 1, 100 * US)
+        while (event := air.next_ns()) is not None:
+            air.advance(event)
+        fates = air.take_log()
+        assert [fate.link for fate in fates] == expected[name]
+        assert all(fate.outcome is Outcome.SENT for fate in fates)
+        assert fates[1].start_ns == 100 * US
+
+
+def test_another_try_has_another_luck() -> None:
+    rule = Csma(CsmaParameters(slot_s=20e-6, window=1024, window_most=1024), LINES)
+    starts = []
+    for attempt in (1, 2, 3):
+        air = medium(rule)
+        air.offer("a1", 1, 0, attempt)
+        air.advance(10**9)
+        (fate,) = air.take_log()
+        assert fate.attempt == attempt
+        starts.append(fate.start_ns)
+    assert len(set(starts)) == 3

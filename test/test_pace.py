@@ -15,11 +15,11 @@ from etac_ros.timing.windows import WindowPolicy
 
 
 def test_the_bits_are_those_of_a_run_that_nobody_slows_down(tmp_path: Path) -> None:
-    for name, duration in (("wu2018", 40), ("qi2022", 5), ("xie2021", 1)):
+    for name, duration in (("wu2018", 40), ("xie2021", 1)):
         free = run_in_process(load(name, None, [f"duration_s={duration}"])).recording.digest()
         paced = run_in_process(load(name, None, [f"duration_s={duration}"]), pace=100.0).recording.digest()
         assert paced == free
-    for name, duration in (("wu2018", 40), ("xie2021", 1)):  # one coordinator in a plant's process, one in its own
+    for name, duration in (("wu2018", 20), ("xie2021", 0.5)):  # one coordinator in a plant's process, one in its own
         free = run_in_process(load(name, None, [f"duration_s={duration}"])).recording.digest()
         options = RosOptions("one", record_windows=True, pace=40.0)
         run = run_over_ros(load(name, None, [f"duration_s={duration}"]), tmp_path / name, options)

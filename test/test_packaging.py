@@ -40,6 +40,7 @@ def test_the_version_is_the_same_wherever_it_stands() -> None:
     manifest = ET.parse(ROOT / "package.xml").getroot()
     assert manifest.findtext("version") == etac_ros.__version__
     assert f'version="{etac_ros.__version__}"' in (ROOT / "setup.py").read_text()
+    assert f"\nversion: {etac_ros.__version__}\n" in (ROOT / "CITATION.cff").read_text()
 
 
 def commands() -> list[EntryPoint]:

@@ -104,7 +104,7 @@ def test_the_report_of_a_servo_shows_its_states(tmp_path: Path) -> None:
     run_in_process(servo(tmp_path, []), tmp_path / "bag")
     page = write_report(tmp_path / "bag", trust=True).read_text()
     assert "States" in page
-    assert "Euler" not in page
+    assert "Euler" not in page.partition("<script")[0]
 
 
 def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path) -> None:

@@ -104,6 +104,15 @@ def test_files_that_the_readme_links_to_exist() -> None:
         assert (ROOT / target).exists(), target
 
 
+def test_pages_link_to_what_is_there() -> None:
+    # Sphinx looks after links between pages; those to files of the repository are looked after here.
+    docs = ROOT / "docs"
+    for page in docs.rglob("*.md"):
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        for target in re.findall(r"\]\(([^)#\s]+)", text):
+            assert "://" in target or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda page: page.name
 )

@@ -60,7 +60,9 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_plant_and_sensor_has_its_place_on_the_page(bag: Path) -> None:
     text = write_report(bag).read_text(encoding="utf-8")
     for kind in FIGURES:
-        assert (f'<figure id="{kind.name}">' in text) == (kind.name not in ("watched", "modes", "states", "lyapunov"))
+        assert (f'<figure id="{kind.name}">' in text) == (
+            kind.name not in ("watched", "modes", "states", "lyapunov", "latency")
+        )
     for name in (*PLANTS, *SENSORS):
         assert f'<th scope="row" class="text">{name}</th>' in text
     assert "Beside the published figures" not in text

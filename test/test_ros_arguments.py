@@ -15,6 +15,8 @@ FILE = ["--ros-args", "--params-file", "run.yaml"]
 def test_what_a_launch_file_gives() -> None:
     remaps = ["-r", "__ns:=/pm", "-r", "__node:=controller"]
     assert parse_arguments("controller", [*FILE, *remaps]) == ("/pm/controller", ("run.yaml",), None)
+    ours = ["-r", "controller:__ns:=/pm", "--remap", "controller:__node:=other"]
+    assert parse_arguments("controller", [*FILE, *ours]) == ("/pm/other", ("run.yaml",), None)
     assert parse_arguments("recorder", ["--bag", "b", *FILE]) == ("/recorder", ("run.yaml",), Path("b"))
 
 
@@ -51,6 +53,9 @@ def test_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
         ([], "has no parameter file"),
         (["--params-file"], "has no value"),
         ([*FILE, "-p", "k:=1"], "would change one node only"),
+        ([*FILE, "-r", "/filtered_error:=/s"], "would move a topic for one node only"),
+        ([*FILE, "-r", "sensor:filtered_error:=s"], "would move a topic for one node only"),
+        ([*FILE, "-r", "other:__node:=s"], "is not understood|would move"),
         ([*FILE, "--frobnicate", "1"], "is not understood"),
     ],
 )

@@ -123,7 +123,8 @@ def test_a_node_that_waits_names_what_may_keep_it_apart(tmp_path: Path) -> None:
             assert waiting.stdout is not None
             lines = iter(waiting.stdout.readline, "")
             told = next(line for line in lines if "still no other end" in line)
-            assert f"in ROS domain {lease.domain}, still no other end" in told
+            assert f"in ROS domain {lease.domain}, still no other end for" in told
+            assert "/emulation/plant/window (no publisher: /plant)" in told
             assert "a possible cause: ROS_DISCOVERY_SERVER=127.0.0.1:11811" in told
         finally:
             waiting.terminate()

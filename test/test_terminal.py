@@ -48,8 +48,9 @@ def request(scenario: str, *overrides: str) -> RunRequest:
     return RunRequest(scenario, None, overrides, "inprocess", "node", False, None, None, None, False)
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize(("scenario", "seconds"), [("wu2018", 20), ("xie2021", 2)])
+@pytest.mark.parametrize(
+    ("scenario", "seconds", "width"), [*(("wu2018", 20, width) for width in WIDTHS), ("xie2021", 1, 80)]
+)
 def test_no_row_of_a_run_is_wider_than_the_terminal(scenario: str, seconds: int, width: int) -> None:
     console = terminal(width)
     run_and_show(request(scenario, f"duration_s={seconds}"), console)

@@ -81,7 +81,6 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["run", "wu2018", "--rate", "2"], "--rate 2: is for --clock wall"),
         (["run", "wu2018", "--strict"], "--strict: is for --clock wall"),
         (["run", "wu2018", "--priority", "5"], "--priority 5: is for --clock wall"),
         (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),

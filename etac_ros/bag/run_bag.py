@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -14,6 +14,7 @@ from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, step_of, tick_of, t
 from etac_ros.bag.codec import decode, decode_truth, encode_truth
 from etac_ros.bag.derived import derivations
 from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, describe_run, to_json
+from etac_ros.bag.live import LiveView
 from etac_ros.bag.run_metadata import TICKS_PER_SECOND
 from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
@@ -60,6 +61,8 @@ class RunBag:
         What shows the state of the bodies; None shows none.
     wall
         The instants of ticks in a run in real time: they are then the times of the state, too.
+    live
+        Makes, of all topics, what shows messages while they are written; None shows none.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class RunBag:
         derive_with: Graph | None = None,
         state: StateStreams | None = None,
         wall: WallClock | None = None,
+        live: Callable[[Sequence[TopicDescription]], LiveView] | None = None,
     ) -> None:
         derived = () if derive_with is None else derivations(derive_with)
         self._derived = {truth_topic(plant).name: [d for d in derived if d.plant == plant] for plant in graph.plants}
@@ -97,12 +101,14 @@ class RunBag:
             if state is not None and wall is None and state.hears(link.name)
         }
         shown = () if state is None else state.topics
+        topics = (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived), *shown)
         self._writer = BagWriter(
             directory,
-            (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived), *shown),
+            topics,
             {**attachments, DESCRIPTION_ATTACHMENT: to_json(description)},
             {**metadata, TICKS_PER_SECOND: str(graph.ticks_per_second)},
         )
+        self._live = None if live is None else live(topics)
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         """Add one message, as :meth:`~etac_ros.bag.write.BagWriter.write` does; truth waits for its messages."""
@@ -110,7 +116,7 @@ class RunBag:
             self._held.append(_Held(topic, cdr, log_time_ns, publish_time_ns, sequence, time.monotonic()))
             self._held_bytes += len(cdr)
         else:
-            self._writer.write(topic, cdr, log_time_ns, publish_time_ns, sequence)
+            self._put(topic, cdr, log_time_ns, publish_time_ns, sequence)
             if topic in self._to_plants:
                 self._note_input(topic, cdr, log_time_ns, publish_time_ns, sequence)
         self._release()
@@ -133,6 +139,9 @@ class RunBag:
         """Finish the bag. A second call does nothing."""
         self._release(everything=True)
         self._writer.close()
+        if self._live is not None:
+            self._live.close()
+            self._live = None
 
     def __enter__(self) -> Self:
         return self
@@ -142,6 +151,11 @@ class RunBag:
     ) -> None:
         self.close()
 
+    def _put(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
+        self._writer.write(topic, cdr, log_time_ns, publish_time_ns, sequence)
+        if self._live is not None:
+            self._live.show(topic, cdr, log_time_ns)
+
     def _release(self, everything: bool = False) -> None:
         while self._held and (everything or self._may_go(self._held[0])):
             held = self._held.popleft()
@@ -149,7 +163,7 @@ class RunBag:
             if len(held.cdr) > _LARGE_BYTES:
                 self._writer.flush()
             self._derive(held)
-            self._writer.write(*held[:5])
+            self._put(*held[:5])
             if self._state is not None:
                 self._state.take_truth(self._plants[held.topic], *decode_truth(held.cdr))
         if self._state is not None and (everything or self._placed_ns >= 0):
@@ -170,7 +184,7 @@ class RunBag:
                 logged = log_time_ns(published, AFTER_ALL_STEPS)
             else:
                 published = logged = self._wall.instant_ns(tick)
-            self._writer.write(topic, cdr, logged, published, sequence)
+            self._put(topic, cdr, logged, published, sequence)
 
     def _may_go(self, held: _Held) -> bool:
         return (
@@ -189,4 +203,4 @@ class RunBag:
             cdr = encode_truth(first, derivation.rows(first, samples))
             number = self._numbers[derivation.node]
             name = derived_topic(derivation.node).name
-            self._writer.write(name, cdr, held.log_time_ns, held.publish_time_ns, number)
+            self._put(name, cdr, held.log_time_ns, held.publish_time_ns, number)

@@ -29,7 +29,7 @@ from etac_ros.errors import RunError
 from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.held import HeldInputs
-from etac_ros.graph.module import Arrival
+from etac_ros.graph.module import Arrival, Module, Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import TF, TF_STATIC, state_topic
 from etac_ros.maths.quaternion import from_euler_321
@@ -37,12 +37,13 @@ from etac_ros.maths.ticks import nanoseconds
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Body, bodies_of, errors_of, has_attitude, watches_of
+from etac_ros.plants.watch import Watch
 
 WORLD = "world"
 """The root of all frames. The frames below it that are called references do not turn against it."""
 SAMPLES = 500
 """So many samples a run are written, about, if no rate is asked for."""
-_AT_ONCE, _WAITS_S = 4096, 1.0
+_AT_ONCE, WAITS_S = 4096, 1.0
 """Samples wait until there are so many, or for so long [wall s]: a batch costs hardly more than one, and no run should
 be slower for it. When they are written says nothing of what is."""
 _APART_M = 4.0
@@ -71,6 +72,8 @@ class _Samples(NamedTuple):
     ticks: _Integers
     states: FloatArray
     held: FloatArray
+    watched: FloatArray
+    """What modules beside the plant watch, one behind the other."""
 
 
 @dataclass
@@ -128,12 +131,24 @@ class StateStreams:
     wall
         The instants of ticks in a run in real time; of such a run no torque is shown, since when it arrived only
         ledgers tell, which come later.
+    waits_s
+        How long samples may wait for each other before they are handed out [wall s].
+    watch_with
+        A graph of the same scenario that no engine runs, and in which laws with memory are folded over the samples: it
+        tells what modules watch. None shows what plants watch alone.
     """
 
-    def __init__(self, graph: Graph, rate_hz: float | None = None, wall: WallClock | None = None) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        rate_hz: float | None = None,
+        wall: WallClock | None = None,
+        waits_s: float = WAITS_S,
+        watch_with: Graph | None = None,
+    ) -> None:
         period = period_ticks(graph, rate_hz)
         self._ticks_per_second = graph.ticks_per_second
-        self._plants = {name: _Plant(graph, name, period, wall is None) for name in graph.plants}
+        self._plants = {name: _Plant(graph, name, period, wall is None, waits_s, watch_with) for name in graph.plants}
         self._wall = wall
         self._fixed = [shape for plant in self._plants.values() for shape in plant.shapes]
         references = [plant.references for plant in self._plants.values()]
@@ -206,13 +221,16 @@ def _speechless(plant: str, tick: int, wanted: str, error: Exception) -> RunErro
 
 
 class _Plant:
-    def __init__(self, graph: Graph, name: str, period: int, with_torque: bool) -> None:
+    def __init__(
+        self, graph: Graph, name: str, period: int, with_torque: bool, waits_s: float, watch_with: Graph | None
+    ) -> None:
         module = graph.modules[name]
         assert isinstance(module, PlantModule)
         self.name = name
         self._plant = module.plant
         self._period = period
         self._with_torque = with_torque
+        self._waits_s = waits_s
         hears = graph.hears[name]
         # What an acknowledged link brings follows from a conversation, not from the message alone.
         self._with_torque &= all(link.acknowledged is None for link in hears)
@@ -222,6 +240,8 @@ class _Plant:
         self._end_tick = graph.end_tick
         self._hold = HeldInputs(module.inputs, list(self._order))
         self._arrivals: list[tuple[int, int, int, int, Arrival]] = []
+        self._watchers = {} if watch_with is None else watchers_of(watch_with, name)
+        self._width = module.state.size
         self._waiting: list[tuple[int, FloatArray]] = []
         """First tick and samples, already thinned."""
         self._waiting_rows = 0
@@ -247,6 +267,12 @@ class _Plant:
     def take_truth(self, first: int, samples: FloatArray) -> None:
         skipped = -first % self._period
         thinned = samples[skipped :: self._period]
+        if self._watchers:
+            try:
+                beside = [self._watched_by(node, first, samples) for node in self._watchers]
+            except Exception as error:  # a user's class can fail in any way
+                raise _speechless(self.name, first, "what modules watch", error) from error
+            thinned = np.hstack([thinned, *(values[skipped :: self._period] for values in beside)])
         if thinned.shape[0]:
             self._waiting.append((first + skipped, thinned.copy()))
             self._waiting_rows += thinned.shape[0]
@@ -264,10 +290,18 @@ class _Plant:
         states = np.concatenate([samples for _, samples in waiting])
         self._waiting = [(ticks[count], states[count:])] if count < len(ticks) else []
         self._waiting_rows -= count
-        return _Samples(np.array(ticks[:count]), states[:count], self._held(ticks[:count]))
+        own, beside = states[:count, : self._width], states[:count, self._width :]
+        return _Samples(np.array(ticks[:count]), np.ascontiguousarray(own), self._held(ticks[:count]), beside)
+
+    def _watched_by(self, node: str, first: int, samples: FloatArray) -> FloatArray:
+        """What a module watches at each of the samples that follow those that it was shown before."""
+        module, window = self._watchers[node], Window(self.name, 1, first, np.ascontiguousarray(samples))
+        values = [np.asarray(watch.values, dtype=np.float64) for watch in module.watches(window)]
+        module.advance(first + samples.shape[0] - 1, window)
+        return np.hstack(values)
 
     def _have_waited(self) -> bool:
-        return time.monotonic() - self._since > _WAITS_S
+        return time.monotonic() - self._since > self._waits_s
 
     def _held(self, ticks: list[int]) -> FloatArray:
         """What the plant holds after all that arrived at each tick."""
@@ -285,8 +319,9 @@ class _Plant:
         return np.array(rows)
 
     def _all_streams(self, module: PlantModule) -> Iterator[_Stream]:
+        state = module.state[np.newaxis]
         start = _Samples(
-            np.zeros(1, dtype=np.int64), module.state[np.newaxis], np.zeros((1, sum(module.inputs.values())))
+            np.zeros(1, dtype=np.int64), state, np.zeros((1, sum(module.inputs.values()))), np.empty((1, 0))
         )
         own, slices = self.name.strip("/"), _ports(module)
         bodies = tuple(body for body in bodies_of(self._plant) if _is_turned(body, start.states))
@@ -310,24 +345,20 @@ class _Plant:
                 yield _vectors(topic(_VECTOR, "torque"), frame, torque)
                 yield _Stream(topic(MARKERS_TYPE, "torque_arrow"), torque_mould(frame), arrows, only_changes=True)
         if has_attitude(self._plant):
-            yield self._number(("attitude_error_deg",), self._angle_errors)
+            yield _numbers(self._topic("", _NUMBER, "attitude_error_deg"), self._angle_errors)
+        frame = next(iter(frames.values()), own)
         for number, watch in enumerate(watches_of(self._plant, start.states)):
-            words, columns = ("watched", _word(watch.name)), len(watch.axes)
-            if watch.axes == ("x", "y", "z"):
-                values = partial(self._watched, number, slice(3))
-                yield _vectors(self._topic("", _VECTOR, *words), next(iter(frames.values()), own), values)
-                continue
-            for column, axis in enumerate(watch.axes):
-                more = (_word(axis),) if columns > 1 else ()
-                yield self._number((*words, *more), partial(self._watched, number, slice(column, column + 1)))
+            yield from _watched_streams(self.name, frame, watch, partial(self._watched, number))
+        column = 0
+        for node, watcher in self._watchers.items():
+            for watch in watcher.watches(Window(self.name, 1, 0, state)):
+                columns = slice(column, column + len(watch.axes))
+                column = columns.stop
+                yield from _watched_streams(node, frame, watch, partial(_beside, columns))
 
     def _topic(self, body: str, type_name: str, *words: str) -> TopicDescription:
         """A topic of the plant, or of one of its bodies where these have names."""
         return TopicDescription(state_topic(self.name, *((body,) if body else ()), *words), type_name, "state")
-
-    def _number(self, words: tuple[str, ...], values: Callable[[_Samples], FloatArray]) -> _Stream:
-        template = typestore().types[_NUMBER](data=mark(0))
-        return _Stream(self._topic("", _NUMBER, *words), Mould(_NUMBER, template, 1), values)
 
     def _errors(self, samples: _Samples) -> FloatArray:
         """States less reference; the reference is asked tick by tick, since samples are thinned."""
@@ -343,8 +374,8 @@ class _Plant:
         assert has_attitude(self._plant)
         return np.degrees(self._plant.attitude_angle(self._errors(samples)))[:, np.newaxis]
 
-    def _watched(self, number: int, columns: slice, samples: _Samples) -> FloatArray:
-        return watches_of(self._plant, samples.states)[number].values[:, columns]
+    def _watched(self, number: int, samples: _Samples) -> FloatArray:
+        return watches_of(self._plant, samples.states)[number].values
 
     def _attitudes(self, bodies: tuple[Body, ...]) -> Callable[[_Samples], FloatArray]:
         last: dict[int, FloatArray] = {}
@@ -374,6 +405,47 @@ def _is_turned(body: Body, states: FloatArray) -> bool:
     """Whether a body turns in space: what turns about fewer axes has no attitude to show."""
     shapes = {np.shape(body.euler_angles(states)), np.shape(body.rates(states))}
     return shapes == {(states.shape[0], 3)}
+
+
+def watchers_of(graph: Graph, plant: str) -> dict[str, Module]:
+    """The modules beside a plant that watch something of it, and what that is follows from its samples.
+
+    It does not where a rule compares with what was acknowledged.
+    """
+    readers = [
+        name
+        for name, read in graph.reads.items()
+        if read == plant
+        and name not in graph.plants
+        and all(link.acknowledged is None for link in graph.sends.get(name, ()))
+    ]
+    return {name: graph.modules[name] for name in readers if type(graph.modules[name]).watches is not Module.watches}
+
+
+def _watched_streams(
+    node: str, frame: str, watch: Watch, values: Callable[[_Samples], FloatArray]
+) -> Iterator[_Stream]:
+    """A vector where the axes are those of a body, else a number an axis."""
+    words = ("watched", _word(watch.name))
+    if watch.axes == ("x", "y", "z"):
+        yield _vectors(TopicDescription(state_topic(node, *words), _VECTOR, "state"), frame, values)
+        return
+    for column, axis in enumerate(watch.axes):
+        more = (_word(axis),) if len(watch.axes) > 1 else ()
+        topic = TopicDescription(state_topic(node, *words, *more), _NUMBER, "state")
+        yield _numbers(topic, partial(_column, column, values))
+
+
+def _column(column: int, values: Callable[[_Samples], FloatArray], samples: _Samples) -> FloatArray:
+    return values(samples)[:, column : column + 1]
+
+
+def _beside(columns: slice, samples: _Samples) -> FloatArray:
+    return samples.watched[:, columns]
+
+
+def _numbers(topic: TopicDescription, values: Callable[[_Samples], FloatArray]) -> _Stream:
+    return _Stream(topic, Mould(_NUMBER, typestore().types[_NUMBER](data=mark(0)), 1), values)
 
 
 def _vectors(topic: TopicDescription, frame: str, values: Callable[[_Samples], FloatArray]) -> _Stream:

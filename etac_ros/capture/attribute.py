@@ -16,12 +16,11 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from etac_ros.capture.account import Cause, Layers, TopicWire, WireAccount
-from etac_ros.capture.datagram import Datagram
-from etac_ros.capture.datagram import parse as parse_datagram
+from etac_ros.capture.datagram import Datagram, datagrams
 from etac_ros.capture.discovery import LIVELINESS, ROS_DISCOVERY, Address, Directory, is_built_in
 from etac_ros.capture.rtps import FROM_READER, Kind, Malformed, Prefix, RtpsMessage, Submessage
 from etac_ros.capture.rtps import parse as parse_rtps
-from etac_ros.graph.topics import RECORDED
+from etac_ros.graph.topics import is_truth
 
 _CAUSES = {
     Kind.DATA: Cause.DATA,
@@ -46,13 +45,16 @@ class _Part(NamedTuple):
 
 
 class _Parsed(NamedTuple):
-    size: int
-    datagram: Datagram | None
+    """What came in one frame, or in several that IP has made of one datagram."""
+
+    found: Datagram | bytes
     message: RtpsMessage | None
     reason: str
 
 
-def attribute(frames: Iterable[bytes], payloads: Mapping[str, int], missed: int = 0) -> WireAccount:
+def attribute(
+    frames: Iterable[bytes], payloads: Mapping[str, int], missed: int = 0, before: Iterable[bytes] = ()
+) -> WireAccount:
     """Account for captured frames.
 
     Parameters
@@ -63,24 +65,26 @@ def attribute(frames: Iterable[bytes], payloads: Mapping[str, int], missed: int 
         Payload of one message, as the papers count it, of each topic that is a link [bytes].
     missed
         Frames that the system could not keep.
+    before
+        Frames from before, which are not counted: only what they announce is known.
     """
-    parsed = [_parse(frame) for frame in frames]
+    parsed = [_parse(found) for found in datagrams(frames)]
     directory = Directory()
-    directory.learn(one.message for one in parsed if one.message is not None)
+    for some in (map(_parse, datagrams(before)), parsed):
+        directory.learn(one.message for one in some if one.message is not None)
     books = _Books(directory, payloads)
     for one in parsed:
         books.enter(one)
     return books.account(missed)
 
 
-def _parse(frame: bytes) -> _Parsed:
-    datagram = parse_datagram(frame)
-    if datagram is None:
-        return _Parsed(len(frame), None, None, "no whole UDP datagram")
+def _parse(found: Datagram | bytes) -> _Parsed:
+    if isinstance(found, bytes):
+        return _Parsed(found, None, "no whole UDP datagram")
     try:
-        return _Parsed(len(frame), datagram, parse_rtps(datagram.content), "")
+        return _Parsed(found, parse_rtps(found.content), "")
     except Malformed as error:
-        return _Parsed(len(frame), datagram, None, str(error))
+        return _Parsed(found, None, str(error))
 
 
 class _Books:
@@ -92,7 +96,7 @@ class _Books:
         self._recorders = {
             prefix
             for (prefix, entity), topic in directory.topics.items()
-            if topic == RECORDED and entity[3] & 0x3F in (0x02, 0x03)  # its writer: 9.3.1.2
+            if is_truth(topic) and entity[3] & 0x3F in (0x04, 0x07)  # a reader of it: 9.3.1.2
         }
         self._parts: defaultdict[_Part, Counter[str]] = defaultdict(Counter)
         self._samples: defaultdict[str, set[tuple[Prefix, bytes, int]]] = defaultdict(set)
@@ -101,19 +105,22 @@ class _Books:
         self._frames = self._bytes = self._statistics = 0
 
     def enter(self, one: _Parsed) -> None:
-        """Enter one frame."""
-        self._frames += 1
-        self._bytes += one.size
-        if one.datagram is None:
-            self._parts[_Part(None, one.reason)].update(frames=1, ethernet_bytes=one.size)
+        """Enter one frame, or the frames of one datagram."""
+        datagram = one.found
+        if isinstance(datagram, bytes):
+            self._frames += 1
+            self._bytes += len(datagram)
+            self._parts[_Part(None, one.reason)].update(frames=1, ethernet_bytes=len(datagram))
             return
+        self._frames += datagram.frames
+        self._bytes += datagram.size
         headers = {
-            "frames": 1,
-            "udp_ip_bytes": one.datagram.udp_ip_bytes,
-            "ethernet_bytes": one.datagram.ethernet_bytes,
+            "frames": datagram.frames,
+            "udp_ip_bytes": datagram.udp_ip_bytes,
+            "ethernet_bytes": datagram.ethernet_bytes,
         }
         if one.message is None:
-            self._parts[_Part(None, one.reason)].update(headers, rtps_bytes=len(one.datagram.content))
+            self._parts[_Part(None, one.reason)].update(headers, rtps_bytes=len(datagram.content))
             return
         first: _Part | None = None
         pending = one.message.header_bytes  # bytes that wait for the submessage to which they go
@@ -122,7 +129,7 @@ class _Books:
             if not submessage.of_entity:
                 pending += submessage.size
                 continue
-            part, inside = self._place(one.message, submessage, one.datagram)
+            part, inside = self._place(one.message, submessage, datagram)
             first = first or part
             rtps = submessage.size - sum(inside.values())
             self._parts[part].update(inside, rtps_bytes=rtps + pending)

@@ -18,7 +18,6 @@ from etac_ros.tables.terminal import show
 
 _RELIABLE = "reliable, volatile"
 _LATCHED = "reliable, transient local"
-_WINDOW = "{layout: {dim: [{size: n}, {size: %d}], data_offset: 3}, data: [number, first tick, -1, samples row by row]}"
 
 
 @dataclass(frozen=True)
@@ -56,23 +55,21 @@ def contract(scenario: Scenario, name: str) -> Contract:
     if name not in graph.modules:
         raise ScenarioError(str(scenario.path), f"has no node '{name}'", f"one of: {', '.join(graph.modules)}")
     module = graph.modules[name]
-    is_plant = isinstance(module, PlantModule)
     rows = [_row("subscribes", link, _content(graph, link), _RELIABLE) for link in graph.hears[name]]
     reads = graph.reads.get(name)
     if reads is not None:
         rows.append(_plane("subscribes", window_topic(reads), TABLE_TYPE, _RELIABLE, _states(graph, reads), "ahead"))
-    if is_plant or reads is not None or not (module.answers or module.passive):
+    if isinstance(module, PlantModule) or reads is not None or not (module.answers or module.passive):
         rows.append(_plane("subscribes", START, NOTE_TYPE, _LATCHED, "JSON: t0_ns, ticks_per_second, rate", "once"))
         rows.append(_plane("subscribes", STOP, NOTE_TYPE, _LATCHED, "JSON: the run is over", "once"))
     examples = {}
     for link in graph.sends[name]:
         rows.append(_row("publishes", link, _content(graph, link), _RELIABLE, _rate(graph, name)))
         examples[link.topic] = example(link.wire)
-    if is_plant:
+    if isinstance(module, PlantModule):
         topic = window_topic(name)
-        width = len(_labels(graph, name))
         rows.append(_plane("publishes", topic, TABLE_TYPE, _RELIABLE, _states(graph, name), "each tick, or ahead"))
-        examples[topic] = _WINDOW % width
+        examples[topic] = window_example(module)
     columns = ("", "topic", "type", "QoS", "what", "rate")
     table = Table("", columns, tuple(rows), texts=frozenset(columns[1:]))
     return Contract(name, table, examples, tuple(_duties(graph, name)))
@@ -88,6 +85,15 @@ def show_contract(scenario: Scenario, name: str, console: Console) -> None:
     console.print()
     for duty in found.duties:
         console.print(f"- {duty}", soft_wrap=True, highlight=False, markup=False)
+
+
+def window_example(plant: PlantModule) -> str:
+    """A window of one sample, the state at tick 0: number of the window, tick of the first sample, -1, and samples."""
+    width = plant.state.size
+    head = f"label: tick, size: 1, stride: {width}", f"label: state, size: {width}, stride: {width}"
+    dimensions = ", ".join(f"{{{words}}}" for words in head)
+    data = ", ".join(f"{value:.6g}" for value in (1.0, 0.0, -1.0, *plant.state))
+    return f"{{layout: {{dim: [{dimensions}], data_offset: 3}}, data: [{data}]}}"
 
 
 def example(wire: Wire) -> str:

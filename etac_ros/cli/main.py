@@ -150,6 +150,8 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")] = False,
+    live_port: Annotated[int, typer.Option(min=1, max=65535, help="For --live.")] = 8765,
     state_rate: Annotated[
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
@@ -189,10 +191,11 @@ def run(
         rate_of_clock(clock, rate, strict, priority),
         strict,
         capture,
-        rate if clock is ClockKind.sim else None,
-        priority,
-        peers,
-        interface,
+        pace=rate if clock is ClockKind.sim else None,
+        priority=priority,
+        peers=peers,
+        interface=interface,
+        live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -205,7 +208,7 @@ def compare(
     ] = None,
     set_: Set = None,
     clock: Clock = ClockKind.sim,
-    rate: Rate = 1.0,
+    rate: Rate = None,
     priority: Priority = 0,
     processes: Annotated[Spread, typer.Option(help="For --clock wall.")] = Spread.node,
     bag: Annotated[Path | None, typer.Option(help="For --clock wall: directory of the bag.")] = None,
@@ -224,6 +227,8 @@ def compare(
         options = RosOptions(processes.value, rate=speed, priority=priority)
         compare_clocks(scenario, variant[0] if variant else None, set_ or (), options, bag, make_console())
         return
+    if rate is not None:
+        raise ScenarioError(f"--rate {rate:g}", "is for --clock wall", "", "add --clock wall")
 
     compare_variants(scenario, variant or (), set_ or (), make_console())
 

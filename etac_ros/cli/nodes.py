@@ -9,7 +9,9 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import yaml
 
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.streams import hold_standard_streams
@@ -27,7 +29,10 @@ from etac_ros.runs import (
     warm_up,
     windows_of,
 )
+from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
+
+_KEY = "ros__parameters"
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.count_check import Outcome
@@ -79,7 +84,8 @@ def play(
 
     wall = real_time(RosOptions(rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall)
+    shown = parameters_of(scenario)
+    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -107,6 +113,17 @@ def play(
         print(f"{name}: {error}", file=sys.stderr)
         leave_process(1 if host.ended_by is None else 128 + host.ended_by)
     leave_process(0)
+
+
+def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """What each node shows to ROS tools: the section of the whole run, and its own."""
+    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+    from etac_ros.engines.ros.public import flattened
+
+    sections = {name: section[_KEY] for name, section in yaml.safe_load(scenario.text).items()}
+    of_all = dict(flattened(sections.get(EVERYWHERE, {})))
+    names = [*scenario.nodes, COORDINATOR, RECORDER]
+    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
@@ -250,6 +267,8 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tup
         value = next(words, None)
         if value is None:
             raise ScenarioError(f"{executable} {word}", "has no value")
+        if word in ("-r", "--remap"):
+            value = value.removeprefix(f"{executable}:")  # ROS lets a rule say for which node it is
         match word:
             case "--params-file":
                 params_files.append(value)
@@ -261,6 +280,13 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tup
                 namespace = value.removeprefix("__ns:=").rstrip("/")
             case "-r" | "--remap" if value.startswith(("__node:=", "__name:=")):
                 base = value.partition(":=")[2]
+            case "-r" | "--remap" if ":=" in value and not value.startswith("__"):
+                raise ScenarioError(
+                    f"{executable} -r {value}",
+                    "would move a topic for one node only",
+                    "the same topics for all nodes of a run",
+                    "make a file with `etac resolve NAME --set links.LINK.topic=/TOPIC` and give it to all of them",
+                )
             case "-p" | "--param":
                 raise ScenarioError(
                     f"{executable} -p {value}",

@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from etac_ros.bag.live import HOST, check_live
 from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.interrupts import keeping
@@ -60,6 +61,7 @@ class RunRequest:
     priority: int = 0
     peers: str | None = None
     interface: str | None = None
+    live: int | None = None
 
     @property
     def options(self) -> RosOptions:
@@ -77,6 +79,7 @@ class RunRequest:
             self.pace,
             self.priority,
             machines_of(self.peers, self.interface),
+            self.live,
         )
 
 
@@ -89,6 +92,11 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         _check_capture(request)
     if request.peers is not None or request.interface is not None:
         _check_machines(request)
+    if request.live is not None:
+        if request.engine != "ros":
+            raise ScenarioError("--live", "is for --engine ros")
+        check_live(request.live)
+        console.print(f"live: ws://{HOST}:{request.live}, in Foxglove: Open connection", soft_wrap=True)
     if request.only is not None and request.pace is not None:
         raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
     if request.only is not None:
@@ -98,6 +106,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
         if play_part(scenario, options):
             console.print(f"{request.only}: the run is over")
+            if request.capture is not None:
+                print("etac: --capture: nothing was captured here; the part that keeps time does it", file=sys.stderr)
             return
     if request.bag is not None:
         check_writable(request.bag)

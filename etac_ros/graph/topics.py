@@ -40,6 +40,11 @@ def truth_topic(plant: str) -> str:
     return f"{EMULATION}{plant}/{_TRUTH}"
 
 
+def is_truth(topic: str) -> bool:
+    """Whether a topic carries committed samples, which the recorder alone hears, in simulated and in real time."""
+    return topic.startswith(f"{EMULATION}/") and topic.endswith(f"/{_TRUTH}")
+
+
 def next_topic(module: str) -> str:
     """Reports of a module to the coordinator."""
     return f"{EMULATION}{module}/{_NEXT}"

@@ -40,7 +40,6 @@ def propagator(
     """
     digest = source_digest(derivative, project, drive)
 
-    @kernel
     def propagate(state, tick, count, held, parameters, ticks_per_second, substeps):  # type: ignore[no-untyped-def]
         digest  # noqa: B018  part of the closure: the key under which the machine code is cached
         n = state.size
@@ -76,4 +75,8 @@ def propagator(
             states[i] = x
         return states
 
-    return propagate
+    # The symbols of cached machine code are made of this name and of a count that begins anew in every process. Under
+    # one name, the kernels of two plants that two processes have cached would get in each other's way in a third.
+    parts = (derivative, project, drive)
+    propagate.__qualname__ = "propagate." + ".".join(f"{part.__module__}.{part.__qualname__}" for part in parts)
+    return kernel(propagate)

@@ -54,6 +54,8 @@ class Csma:
 
     def turn(self, air: Air, waiting: Sequence[Waiting]) -> Turn:
         """Who begins first, with all who begin before they could hear him."""
+        if len(waiting) == 1:
+            return Turn(max(air.now_ns, self._start(air, waiting[0])), (0,))
         first_of: dict[str, int] = {}  # a sender contends with one frame at a time
         for place, one in enumerate(waiting):
             if one.sender not in first_of or _sooner(one, waiting[first_of[one.sender]]):

@@ -67,6 +67,8 @@ class _Queued:
     offered_ns: int
     order: int
     attempt: int
+    line: Line
+    key: int
     turns: int = 0
     collisions: int = 0
 
@@ -88,6 +90,8 @@ class Medium:
     _flying: list[Fate] = field(default_factory=list)
     _log: list[Fate] = field(default_factory=list)
     _offered: int = 0
+    _waits: int = 0
+    """Frames in all queues."""
     _now: int = 0
     _air: Air = field(default_factory=lambda: Air(0, ""))
     _turn: Turn | None = None
@@ -102,8 +106,9 @@ class Medium:
 
     def offer(self, link: str, sequence: int, now_ns: int, attempt: int = 1) -> None:
         """Take a message that wants to be sent now; whatever was to begin before has begun (:meth:`advance`)."""
-        sender = self.plan.lines[link].sender
-        frame = _Queued(link, sequence, now_ns, self._offered, attempt)
+        line = self.plan.lines[link]
+        sender = line.sender
+        frame = _Queued(link, sequence, now_ns, self._offered, attempt, line, self._key(link, attempt))
         self._offered += 1
         self._is_planned = False
         full = self.plan.queue_full
@@ -119,6 +124,7 @@ class Medium:
             self._drop(oldest, now_ns)
         self._queues[link].append(frame)
         self._waiting_at[sender] += 1
+        self._waits += 1
 
     def next_ns(self) -> int | None:
         """When something happens next that others have to know, unless something is offered before; None for never."""
@@ -131,31 +137,39 @@ class Medium:
         while (turn := self._next_turn()) is not None and turn.start_ns < until_ns:
             self._begin(turn)
         self._now = until_ns
+        if not self._flying:
+            return []
         landed = [fate for fate in self._flying if fate.landed_ns <= until_ns]
         if landed:
             self._flying = [fate for fate in self._flying if fate.landed_ns > until_ns]
             self._is_planned = False
         return landed
 
+    @property
+    def has_log(self) -> bool:
+        """Whether anything has become of a frame since the log was last taken."""
+        return bool(self._log)
+
     def take_log(self) -> list[Fate]:
         """What has become of frames since the last call, in the order in which it did."""
         taken, self._log = self._log, []
         return taken
 
-    def _key(self, frame: _Queued) -> int:
+    def _key(self, link: str, attempt: int) -> int:
         """Of the draws of a frame: each attempt has its own."""
-        known = self._keys.get((frame.link, frame.attempt))
+        known = self._keys.get((link, attempt))
         if known is None:
-            which = "" if frame.attempt == 1 else f" again {frame.attempt}"
-            known = stream_key(self.plan.seed, f"medium/{self.plan.name}/{frame.link}{which}")
-            self._keys[frame.link, frame.attempt] = known
+            which = "" if attempt == 1 else f" again {attempt}"
+            known = stream_key(self.plan.seed, f"medium/{self.plan.name}/{link}{which}")
+            self._keys[link, attempt] = known
         return known
 
     def _sender(self, link: str) -> str:
         return self.plan.lines[link].sender
 
     def _drop(self, frame: _Queued, now_ns: int) -> None:
-        self._waiting_at[self._sender(frame.link)] -= 1
+        self._waiting_at[frame.line.sender] -= 1
+        self._waits -= 1
         self._log.append(_never_sent(frame, now_ns))
 
     def _next_turn(self) -> Turn | None:
@@ -166,27 +180,31 @@ class Medium:
     def _plan(self) -> None:
         """Ask the access rule who is next: once for every change, however often others want to know."""
         self._is_planned = True
-        self._heads = [queue[0] for queue in self._queues.values() if queue]
-        self._turn = self._asked() if self._heads else None
-        events = [fate.landed_ns for fate in self._flying]
-        if self._turn is not None:
-            events.append(self._end(self._turn) + self.plan.propagation_ns)
-        self._event_ns = min(events, default=None)
+        if self._waits:
+            self._heads = [queue[0] for queue in self._queues.values() if queue]
+            self._turn = self._asked()
+            self._event_ns = self._end(self._turn) + self.plan.propagation_ns
+        else:  # quickly: most frames wait for nobody, and nobody for them
+            self._heads, self._turn, self._event_ns = [], None, None
+        for fate in self._flying:
+            if self._event_ns is None or fate.landed_ns < self._event_ns:
+                self._event_ns = fate.landed_ns
 
     def _asked(self) -> Turn:
         assert self.plan.access is not None
         waiting = [
             Waiting(
-                head.link, self.plan.lines[head.link].sender, head.offered_ns, self.plan.lines[head.link].duration_ns,
-                head.order, head.turns, head.collisions, self._key(head), head.sequence,
-                self.plan.lines[head.link].answers,
+                head.link, head.line.sender, head.offered_ns, head.line.duration_ns, head.order, head.turns,
+                head.collisions, head.key, head.sequence, head.line.answers,
             )
             for head in self._heads
         ]  # fmt: skip
-        return self._checked(self.plan.access.turn(self._air._replace(now_ns=self._now), waiting))
+        return self._checked(self.plan.access.turn(Air(*self._air[:2], self._now), waiting))
 
     def _checked(self, turn: Turn) -> Turn:
         """Hold the rule to its promise: anybody's class may be one."""
+        if turn.places == (0,) and turn.start_ns >= max(self._air.idle_ns, self._now, self._heads[0].offered_ns):
+            return turn  # quickly: the usual case
         chosen = [self._heads[place] for place in turn.places if 0 <= place < len(self._heads)]
         if not chosen or len(chosen) != len(turn.places) or len(set(turn.places)) != len(turn.places):
             raise self._broken(f"places {turn.places} of {len(self._heads)}", "one or more of those that wait, once")
@@ -200,7 +218,9 @@ class Medium:
         return ProtocolError(f"medium {self.plan.name}", f"{name}.turn returned {found}", expected)
 
     def _end(self, turn: Turn) -> int:
-        return turn.start_ns + max(self.plan.lines[self._heads[place].link].duration_ns for place in turn.places)
+        if len(turn.places) == 1:
+            return turn.start_ns + self._heads[turn.places[0]].line.duration_ns
+        return turn.start_ns + max(self._heads[place].line.duration_ns for place in turn.places)
 
     def _begin(self, turn: Turn) -> None:
         """Put the frames of a turn on the air, to the end: what has begun is not interrupted."""
@@ -210,7 +230,7 @@ class Medium:
             head.turns += 1
         alone = len(chosen) == 1
         for frame in chosen:
-            line = self.plan.lines[frame.link]
+            line = frame.line
             end = turn.start_ns + line.duration_ns
             outcome = Outcome.SENT
             if not alone:
@@ -220,6 +240,7 @@ class Medium:
             if outcome is not Outcome.COLLIDED:
                 self._queues[frame.link].popleft()
                 self._waiting_at[line.sender] -= 1
+                self._waits -= 1
             fate = Fate(
                 frame.link, frame.sequence, outcome, frame.offered_ns, turn.start_ns, end,
                 end + self.plan.propagation_ns, frame.attempt,
@@ -227,7 +248,7 @@ class Medium:
             self._log.append(fate)
             if alone:
                 self._flying.append(fate)
-        self._air = Air(self._end(turn), self._sender(chosen[-1].link))
+        self._air = Air(self._end(turn), chosen[-1].line.sender)
         self._is_planned = False
 
 

@@ -140,9 +140,8 @@ def hold_accounts(graph: Graph, recording: Recording) -> dict[str, HoldAccount]:
 def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> HoldAccount:
     links = graph.sends[name]
     sent = recording.messages[links[0].name] if links else []
-    # What it does by itself it does in step 0; what it does on arrival in a later one.
-    safe = [message.step == 0 for message in sent]
-    ticks = [*(message.tick for message in sent), graph.end_tick]
+    safe = _outlived([message.tick for message in sent], hold_ticks)
+    ticks = [*(message.tick for message in sent), _until(graph, recording)]
     lasts = [until - tick for tick, until in pairwise(ticks)]
     return HoldAccount(
         time_to_live_s=hold_ticks / graph.ticks_per_second,
@@ -151,8 +150,29 @@ def _of_hold(graph: Graph, recording: Recording, name: str, hold_ticks: int) -> 
     )
 
 
+def _until(graph: Graph, recording: Recording) -> int:
+    """The first tick that was not acted on: a run that a watch has ended is over behind its last sample."""
+    last = [first + len(samples) - 1 for first, samples in map(recording.samples, graph.plants) if len(samples)]
+    return min([graph.end_tick, *(tick + 1 for tick in last)])
+
+
+def _outlived(ticks: Sequence[int], hold_ticks: int) -> list[bool]:
+    """Which of the torques of a hold are safe ones: the first behind a time to live, until the next command.
+
+    Told by their times alone, since in real time there are no steps.
+    """
+    found: list[bool] = []
+    command: int | None = None
+    for tick in ticks:
+        outlived = command is not None and tick - command > hold_ticks and not found[-1]
+        if not outlived:
+            command = tick
+        found.append(outlived)
+    return found
+
+
 def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
-    messages = recording.messages[link.name]
+    messages, until = recording.messages[link.name], _until(graph, recording)
     known = {message.sequence for message in messages}
     final = {
         fate.sequence: fate
@@ -162,16 +182,17 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
     counts: Counter[str] = Counter()
     delays: list[int] = []
     ages: list[tuple[float, int]] = []
-    ends = {} if link.acknowledged is None else _ends(graph, recording, link)
+    ends = {} if link.acknowledged is None else _ends(graph, recording, link, until)
     for receiver in link.receivers:
-        found = deliveries(graph, recording, link, receiver)
+        found = [one for one in deliveries(graph, recording, link, receiver) if one.tick < until]
         arrived = {one.message.sequence for one in found}
         counts["delivered"] += len(arrived)
         counts["duplicated"] += len(found) - len(arrived)
         counts["overtaken"] += _overtaken(found)
         if link.acknowledged is None:
             way = Way(link.channel, receiver)
-            counts.update(_fate(graph, link, way, message, final.get(message.sequence)) for message in messages)
+            fates = [_fate(graph, link, way, message, final.get(message.sequence), until) for message in messages]
+            counts.update(fates)
         else:
             counts.update(_AT_THE_END[ends.get(n)] for n in known - arrived)
         first: dict[int, int] = {}
@@ -179,7 +200,7 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
             first[one.message.sequence] = min(one.tick - one.message.tick, first.get(one.message.sequence, one.tick))
         delays += first.values()
         if found:
-            ages.append(_ages(found, graph.end_tick))
+            ages.append(_ages(found, until))
     sent = len(messages) * len(link.receivers)
     accounted = sum(counts[name] for name in _CONSERVED)
     if accounted != sent:
@@ -214,12 +235,12 @@ def _of_link(graph: Graph, recording: Recording, link: Link) -> LinkAccount:
     )
 
 
-def _ends(graph: Graph, recording: Recording, link: Link) -> dict[int, End]:
+def _ends(graph: Graph, recording: Recording, link: Link, until: int) -> dict[int, End]:
     """How the wait for the acknowledgement of each message ended, if it did before the run."""
     return {
         event.sequence: event.end
         for event in conversation(graph, recording, link)
-        if isinstance(event, Ended) and landing_tick(event.at_ns, graph.ticks_per_second) < graph.end_tick
+        if isinstance(event, Ended) and landing_tick(event.at_ns, graph.ticks_per_second) < until
     }
 
 
@@ -238,7 +259,7 @@ def _acknowledgement(graph: Graph, recording: Recording, link: Link, ends: dict[
     )
 
 
-def _fate(graph: Graph, link: Link, way: Way, message: Message, fate: Fate | None) -> str:
+def _fate(graph: Graph, link: Link, way: Way, message: Message, fate: Fate | None, until: int) -> str:
     """What became of a message that was not delivered to a receiver, in the words of the account; or ''."""
     tick = message.tick
     if link.medium:
@@ -249,12 +270,12 @@ def _fate(graph: Graph, link: Link, way: Way, message: Message, fate: Fate | Non
         if fate.outcome is Outcome.GIVEN_UP:
             return "given_up"
         tick = landing_tick(fate.landed_ns, graph.ticks_per_second)
-        if tick >= graph.end_tick:
+        if tick >= until:
             return "under_way"
     arrivals = way.arrivals(message.sequence, tick)
     if not arrivals:
         return "lost"
-    return "under_way" if min(arrivals) >= graph.end_tick else ""
+    return "under_way" if min(arrivals) >= until else ""
 
 
 def _overtaken(found: Sequence[Delivery]) -> int:
@@ -290,7 +311,7 @@ def _of_medium(graph: Graph, recording: Recording, name: str) -> MediumAccount:
     alone = [lines[fate.link] for fate in fates if fate.outcome is Outcome.SENT]
     messages = [line for line in alone if not line.answers]
     collided = [fate for fate in fates if fate.outcome in (Outcome.COLLIDED, Outcome.GIVEN_UP)]
-    end = nanoseconds(graph.end_tick, graph.ticks_per_second)
+    end = nanoseconds(_until(graph, recording), graph.ticks_per_second)
     on_air = [fate for fate in fates if fate.outcome is not Outcome.DROPPED and fate.start_ns < end]
     powers = graph.media[name].powers_w
     busy: dict[int, int] = {}  # only frames that collide overlap, and they begin together

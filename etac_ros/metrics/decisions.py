@@ -14,6 +14,7 @@ from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import arrivals_by_tick, sent_at_triggers
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve
+from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.modules.triggering import Triggering
 from etac_ros.parameters import FloatArray
 
@@ -120,6 +121,9 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.
     end = graph.end_tick if window is None else window.last + 1
     sent = [message for message in sent_at_triggers(graph, recording, name) if message.tick < end]
+    owner = graph.modules[name]
+    if isinstance(owner, SensingController) and name in graph.told:
+        owner.events = frozenset(message.tick for message in sent)
     heard = {tick: some for tick, some in arrivals_by_tick(graph, recording, name).items() if tick < end}
     rows = module.watched(window, heard)
     if rows is None or not sent:

@@ -73,6 +73,7 @@ class SensingController(Module):
     Parameters = SensingControllerParameters
     components = ("law", "trigger")
     role = Role(triggers="command", senses=True)
+    hears_acknowledgements = True
 
     def __init__(
         self, context: Context, parameters: SensingControllerParameters, law: LawWithMemory, trigger: AnyRule
@@ -85,8 +86,8 @@ class SensingController(Module):
         self.law = law
         self.trigger = trigger
         self._component = Component(context.name, law)
-        # What events do to such a law is replayed from its samples alone, so they must not wait for the network.
-        self.hears_acknowledgements = not isinstance(law, LawOfEvents)
+        self.events: frozenset[int] | None = None
+        """Triggering instants of the run that is replayed, where its samples alone do not tell them."""
         self.hold = Hold(self, "command", trigger)
         memory = law.initial_memory(context.plant.initial_state())
         self._committed = _Committed(-1, np.zeros(law.command_size), memory)
@@ -191,7 +192,15 @@ class SensingController(Module):
         return self._replayed(samples, first)[1]
 
     def _replayed(self, all_samples: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
-        """The command at each sample, and the memory before it, with the triggering instants in between made anew."""
+        """The command at each sample, and the memory before it, with the triggering instants in between made anew.
+
+        Raises
+        ------
+        ValueError
+            If they cannot be, and are not known: what was acknowledged decides about them.
+        """
+        if self.events is None and self.context.acknowledged:
+            raise ValueError("triggers that wait for acknowledgements are not made anew: give the events")
         memory, hold = self._committed.memory, Hold(self, "command", self.trigger)
         parts, before, row = [], [], 0
         while row < len(all_samples):
@@ -200,18 +209,27 @@ class SensingController(Module):
             samples = np.ascontiguousarray(all_samples[row : row + min([_AT_ONCE, *edges])])
             commands, memories = self.law.fold(samples, tick, memory)
             is_down = any(start <= tick < until for start, until in self.context.down)
-            fires = None if is_down else hold.first(commands, tick)
+            if self.events is not None:
+                fires = self._next_event(tick, len(samples))
+            else:
+                fires = None if is_down else hold.first(commands, tick)
             last = len(samples) - 1 if fires is None else fires - tick
             parts.append(commands[: last + 1])
             before += [memory[np.newaxis], memories[:last]]
             memory = memories[last]
-            hold.advance(commands[: last + 1], tick)
+            if self.events is None:
+                hold.advance(commands[: last + 1], tick)
             if fires is not None:
-                self._send(hold, commands[last], fires)
+                if self.events is None:
+                    self._send(hold, commands[last], fires)
                 if isinstance(self.law, LawOfEvents):
                     memory = self.law.after_event(samples[last], fires, memory)
             row += last + 1
         return np.concatenate(parts), np.concatenate(before)
+
+    def _next_event(self, tick: int, count: int) -> int | None:
+        assert self.events is not None
+        return next((event for event in range(tick, tick + count) if event in self.events), None)
 
     def _look(self, window: Window) -> _Ahead:
         """Fold the law over a copy of its memory, through the samples that are not committed."""

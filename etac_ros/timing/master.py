@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Generator, Sequence
+from typing import cast
 
 from etac_ros.errors import ProtocolError
 from etac_ros.graph.acknowledged import End, Ended
@@ -206,14 +207,17 @@ class TimeMaster:
 
     def _deliver(self, module: str, tick: int, step: int, bag: Sequence[MessageId | Settled]) -> Deliver:
         """The order to take what comes in one step."""
-        messages = sorted((one for one in bag if isinstance(one, MessageId)), key=self._in_order)
         ends: tuple[Settled, ...] = ()
-        if len(messages) < len(bag):
+        if module in self._graph.told:
             ends = tuple(sorted((one for one in bag if isinstance(one, Settled)), key=self._in_order))
-            self.done[module] = settled(self.done[module], tick, self._epoch(module), self._numbers.of_settled(ends))
+            if ends:
+                numbers = self._numbers.of_settled(ends)
+                self.done[module] = settled(self.done[module], tick, self._epoch(module), numbers)
+                bag = [one for one in bag if isinstance(one, MessageId)]
+        messages = tuple(cast(Sequence[MessageId], bag if len(bag) == 1 else sorted(bag, key=self._in_order)))
         if messages or not ends:
-            self._delivered(module, tick, tuple(messages))
-        return Deliver(module, tick, step, tuple(messages), self._epoch(module), ends)
+            self._delivered(module, tick, messages)
+        return Deliver(module, tick, step, messages, self._epoch(module), ends)
 
     def _delivered(self, module: str, tick: int, messages: tuple[MessageId, ...]) -> None:
         told = tick if self._knows_ticks[module] else None

@@ -45,8 +45,9 @@ class UnderWay:
     def __init__(self, graph: Graph) -> None:
         self.log: list[Fate] = []
         self._rate = graph.ticks_per_second
-        self._media = {name: Medium(plan) for name, plan in graph.media.items()}
-        self._on = {line: self._media[name] for name, plan in graph.media.items() for line in plan.lines}
+        media = {name: Medium(plan) for name, plan in graph.media.items()}
+        self._in_order = tuple(media.values())
+        self._on = {line: media[name] for name, plan in graph.media.items() for line in plan.lines}
         self._acknowledged = frozenset(link.name for link in graph.acknowledged)
         self._ways = {
             link.name: tuple((name, None if link.channel.ideal else Way(link.channel, name)) for name in link.receivers)
@@ -55,17 +56,20 @@ class UnderWay:
         }
         self._talk = Conversations(graph.acknowledged, graph.ticks_per_second, self._transmit)
         self._talks = bool(self._acknowledged)
+        self._next: int | None = None
+        self._is_stale = True
 
     def next_tick(self) -> int | None:
         """The tick at which something happens next, unless something is offered before; None for never."""
-        events = [medium.next_ns() for medium in self._media.values()]
-        if self._talks:
-            events.append(self._talk.next_ns())
-        earliest = min((event for event in events if event is not None), default=None)
-        return None if earliest is None else landing_tick(earliest, self._rate)
+        if self._is_stale:
+            earliest = self._next_event()
+            self._next = None if earliest is None else landing_tick(earliest, self._rate)
+            self._is_stale = False
+        return self._next
 
     def offer(self, message: MessageId, tick: int) -> list[News]:
         """Take a message of a link that crosses a medium or is acknowledged; what comes of it within this tick."""
+        self._is_stale = True
         now = nanoseconds(tick, self._rate)
         if message.link not in self._acknowledged:
             self._on[message.link].offer(message.link, message.sequence, now)
@@ -76,11 +80,13 @@ class UnderWay:
     def advance(self, tick: int) -> list[News]:
         """Move on to a tick, and tell what has happened until then."""
         until = nanoseconds(tick, self._rate)
+        self._is_stale = True
+        if not self._talks:
+            return self._move(until)
         news: list[News] = []
-        if self._talks:
-            while (event := self._next_event()) is not None and event <= until:
-                news += self._move(event)
-                news += self._news(self._talk.advance(event))
+        while (event := self._next_event()) is not None and event <= until:
+            news += self._move(event)
+            news += self._news(self._talk.advance(event))
         return news + self._move(until)
 
     def take_log(self) -> list[Fate]:
@@ -89,19 +95,24 @@ class UnderWay:
         return taken
 
     def _next_event(self) -> int | None:
-        events = [self._talk.next_ns(), *(medium.next_ns() for medium in self._media.values())]
-        return min((event for event in events if event is not None), default=None)
+        earliest = self._talk.next_ns() if self._talks else None
+        for medium in self._in_order:
+            event = medium.next_ns()
+            if event is not None and (earliest is None or event < earliest):
+                earliest = event
+        return earliest
 
     def _move(self, until_ns: int) -> list[News]:
         """Move the media on. What has landed goes through its channel: now, later or never."""
         news: list[News] = []
-        for medium in self._media.values():
+        for medium in self._in_order:
             for fate in medium.advance(until_ns):
                 landed = landing_tick(fate.landed_ns, self._rate)
                 for receiver, way in self._ways.get(fate.link, ()):
                     for when in (landed,) if way is None else way.arrivals(fate.sequence, landed):
                         news.append(Arrival(receiver, MessageId(fate.link, fate.sequence), when))
-            self._hear(medium.take_log())
+            if medium.has_log:
+                self._hear(medium.take_log())
         return news
 
     def _hear(self, fates: list[Fate]) -> None:

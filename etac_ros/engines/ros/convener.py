@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -75,7 +74,7 @@ class Convener(RunNode):
         if not self.started:
             self._begin_if_all_are_there()
             for words in self.foreign.misfits():
-                print(f"{self.name}: {words}", file=sys.stderr, flush=True)
+                self.say(words)
         elif self.stop is None:
             self._look_after_run()
         if time.monotonic() - self._heard < self.plan.quiet_s:
@@ -84,7 +83,7 @@ class Convener(RunNode):
         if not self.started:
             missing = [name for name in self.plan.nodes if name not in self._greeted]
             if patient:
-                print(f"{self.name}: {self._waiting_for(missing)}", file=sys.stderr, flush=True)
+                self.say(self._waiting_for(missing))
                 return
             raise RunError(
                 f"node {', '.join(missing)}",

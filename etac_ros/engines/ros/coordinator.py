@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -138,7 +137,7 @@ class CoordinatorNode(Convener):
     def _look_after_run(self) -> None:
         self.foreign.check_present()
         if words := self.foreign.slow():
-            print(f"{self.name}: {words}", file=sys.stderr, flush=True)
+            self.say(words)
         self._go_on()
 
     def _blame_who_is_quiet(self) -> None:

@@ -8,7 +8,7 @@ so this file is the one place that waits, and no other knows how.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -230,10 +230,6 @@ class Subscription:
         self._matched = self._matched or bool(self._node.count_publishers(self.topic))
         return self._matched
 
-    def missing(self) -> str:
-        """What is missing here, in words."""
-        return f"{self.topic} (no publisher)"
-
     def deserted(self) -> bool:
         """Whether no publisher is there any more."""
         return not self._node.count_publishers(self.topic)
@@ -271,6 +267,9 @@ class Subscription:
             remedy = f"its link is best effort, and DDS has lost messages: reliability: reliable. Or else, {remedy}"
         elif self._qos.history < USUAL_QOS.history:
             remedy = f"its link keeps {self._qos.history} messages: a longer history. Or else, {remedy}"
+        there = sorted({name_of(end) for end in self._node.get_publishers_info_by_topic(self.topic)})
+        if len(there) > 1:
+            remedy = f"{' and '.join(there)} publish on it: one of them does not belong here"
         return RunError(
             f"topic {self.topic}",
             f"message {number} of its publisher came as number {self.count.messages}",
@@ -297,7 +296,13 @@ class Spinner:
         self._subscriptions: list[Subscription] = []
         self._by_pointer: dict[int, tuple[int, Subscription]] = {}
         self._of_all: dict[str, Subscription] = {}
+        self._services: dict[int, Any] = {}
         self._wait_set: Any = None
+
+    def serve(self, services: Iterable[Any]) -> None:
+        """Answer requests to these services, too: those of nodes that ROS tools are shown."""
+        self._services |= {service.handle.pointer: service for service in services}
+        self._wait_set = None
 
     def add(self, subscription: Subscription) -> None:
         """Listen to one more subscription."""
@@ -317,20 +322,33 @@ class Spinner:
     def once(self, timeout_s: float) -> bool:
         """Wait for messages and hand them out; False if none came in time."""
         if self._wait_set is None:
-            self._wait_set = _rclpy.WaitSet(len(self._subscriptions), 0, 0, 0, 0, 0, self._context.handle)
+            self._wait_set = _rclpy.WaitSet(
+                len(self._subscriptions), 0, 0, 0, len(self._services), 0, self._context.handle
+            )
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:
             wait_set.add_subscription(subscription.handle)
+        for service in self._services.values():
+            wait_set.add_service(service.handle)
         if self._gather_s:
             time.sleep(self._gather_s)
         wait_set.wait(int(timeout_s * 1e9))
+        if self._services:
+            for pointer in wait_set.get_ready_entities("service"):
+                _answer(self._services[pointer])
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
             return False
         for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
             subscription.take()
         return True
+
+
+def _answer(service: Any) -> None:
+    request, header = service.handle.service_take_request(service.srv_type.Request)
+    if header is not None:
+        service.send_response(service.callback(request, service.srv_type.Response()), header)
 
 
 def name_of(end: Any) -> str:

@@ -147,7 +147,7 @@ class Host:
         context = Context()
         try:
             # Without log files: nobody reads them, and there may be no folder for them.
-            quietly = ["--ros-args", "--disable-external-lib-logs"]
+            quietly = ["--ros-args", "--disable-external-lib-logs", "--disable-stdout-logs"]
             rclpy.init(args=quietly, context=context, signal_handler_options=SignalHandlerOptions.NO)
             self._create(context)
         except _rclpy.RCLError as error:
@@ -199,6 +199,8 @@ class Host:
 
     def _join(self) -> None:
         waiting = list(self._nodes)
+        for node in waiting:
+            node.log(f"ready in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}; the run begins when all are there")
         began = told = time.monotonic()
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
@@ -216,11 +218,9 @@ class Host:
                     f"node {waiting[0].name}", f"found no other end for {topics} within {self._plan.quiet_s:g} s"
                 )
             cause = may_keep_apart(os.environ, Path.cwd())
-            print(
-                f"{waiting[0].name}: {now - began:.0f} s in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}, "
-                f"still no other end for {topics}{cause and f' ({cause})'}",
-                file=sys.stderr,
-                flush=True,
+            waiting[0].say(
+                f"{now - began:.0f} s in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}, "
+                f"still no other end for {topics}{cause and f' ({cause})'}"
             )
 
     def _take_part(self) -> None:
@@ -292,6 +292,7 @@ class Host:
         while self._spinner.once(0.0):
             pass  # what has already arrived belongs into the bag
         for node in self._nodes:
+            node.log(text, error=True)
             try:
                 if self.ended_by is None and node.stop is None:
                     node.say_fault(text)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph, Link, Reliability
-from etac_ros.graph.topics import ledger_topic, next_topic, truth_topic, window_topic
+from etac_ros.graph.topics import RECORDED, ledger_topic, next_topic, truth_topic, window_topic
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.windows import WindowPolicy
 
@@ -59,6 +61,9 @@ class Plan:
         How it runs in real time; None for simulated time.
     pace
         Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
+    parameters
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
+        it would make slower.
     """
 
     scenario: str
@@ -70,6 +75,7 @@ class Plan:
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
     pace: float | None = None
+    parameters: Mapping[str, Mapping[str, Any]] | None = None
 
     @property
     def clock(self) -> str:
@@ -130,7 +136,7 @@ class Plan:
         for name in self.graph.modules:
             if topic in (window_topic(name), truth_topic(name), next_topic(name), ledger_topic(name)):
                 return name
-        return COORDINATOR
+        return RECORDER if topic == RECORDED else COORDINATOR
 
     def listeners(self, link: Link) -> tuple[tuple[str, ...], int]:
         """Who has to hear a link's topic: nodes of ours by name, and how many foreign ones."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import sys
 from collections.abc import Collection
 from typing import Any, ClassVar
 
@@ -15,6 +16,7 @@ from std_msgs.msg import String
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Reader, Spinner, Subscription
 from etac_ros.engines.ros.messages import read_note, write_note
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.engines.ros.public import show_parameters
 from etac_ros.graph.graph import USUAL_QOS, Qos
 from etac_ros.graph.topics import END, FAULT, JOIN, LEAVE, START, STOP
 
@@ -50,11 +52,15 @@ class RunNode:
             base,
             namespace=namespace or "/",
             context=context,
-            enable_rosout=plan.wall is not None,  # in simulated time it would cost, and nobody waits for it
-            start_parameter_services=False,
+            # In simulated time of a launched run both would cost, and nobody waits for it.
+            enable_rosout=plan.parameters is not None or plan.wall is not None,
+            start_parameter_services=plan.parameters is not None,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         self._spinner = spinner
+        if plan.parameters is not None:
+            show_parameters(self.ros_node, plan.parameters.get(name, {}))
+            spinner.serve(self.ros_node.services)
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
         self._joining = self.publisher(String, JOIN, latched=True)
@@ -62,6 +68,20 @@ class RunNode:
         self._leaving = self.publisher(String, LEAVE, self.hear_leave)
         for topic, callback in ((START, self._on_start), (STOP, self._on_stop), (END, self._on_end)):
             self._hear_as_all_do(topic, callback)
+
+    def say(self, text: str) -> None:
+        """Tell the person who has started this node, and /rosout; standard output is for results."""
+        print(f"{self.name}: {text}", file=sys.stderr, flush=True)
+        self.log(text)
+
+    def log(self, text: str, error: bool = False) -> None:
+        """Tell /rosout, where this node is one that ROS tools are shown."""
+        if self.plan.parameters is not None:
+            logger = self.ros_node.get_logger()
+            if error:
+                logger.error(text)
+            else:
+                logger.info(text)
 
     def publisher(
         self,
@@ -136,9 +156,14 @@ class RunNode:
         )
 
     def missing(self) -> list[str]:
-        """Topics whose other end is not there, in words."""
-        ends: list[Publisher | Subscription] = [*self._publishers, *self._subscriptions]
-        return sorted({end.missing() for end in ends if not end.matched})
+        """Topics whose other end is not there, in words, each with who should be."""
+        unheard = {publisher.missing() for publisher in self._publishers if not publisher.matched}
+        silent = {subscription.topic for subscription in self._subscriptions if not subscription.matched}
+        return sorted(unheard | {f"{topic} (no publisher: {self._sender_of(topic)})" for topic in silent})
+
+    def _sender_of(self, topic: str) -> str:
+        sender = self.plan.sender_of(topic)
+        return f"{sender}, a foreign node" if sender in self.plan.graph.external else sender
 
     def deserted(self) -> list[str]:
         """Nodes that should send something to this one, and are not there."""

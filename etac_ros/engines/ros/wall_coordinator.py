@@ -18,7 +18,6 @@ from etac_ros.engines.ros.wall_check import mismatch
 from etac_ros.engines.ros.wall_node import TimedNode
 from etac_ros.errors import RunError
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
-from etac_ros.maths.wall_clock import WallClock
 
 _LEAD_NS = 3 * NANOSECONDS // 10
 """From the note that the run begins to tick 0: long enough for everybody to hear it, and for the first windows."""
@@ -156,8 +155,3 @@ class WallCoordinatorNode(Convener, TimedNode):
             self.leave()
         elif wrong is not None and now - self._stopped_ns > _DRAIN_NS:
             raise wrong
-
-    def wall_clock(self) -> WallClock:
-        """The instants of ticks on the wall clock."""
-        assert self.wall is not None
-        return self.wall
