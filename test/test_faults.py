@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from toy import toy, trace
 
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.module import Window
+from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, baseline_of, load
@@ -224,6 +227,25 @@ def test_every_interleaving(kind: str, node: str) -> None:
         assert_as_in_process(network, scenario)
         count += 1
     assert count
+
+
+@pytest.mark.parametrize("variant", ["events", "fitted"])
+def test_what_a_law_has_learnt_is_made_anew_from_the_samples(variant: str) -> None:
+    scenario = load("shi2022", variant, ["duration_s=4", fault(0.25, "/controller", "stall", 0.5)])
+    recording = InProcess(scenario.build()).run()
+    first, samples = recording.samples("/plant")
+    fresh = scenario.build().modules["/controller"]
+    assert isinstance(fresh, SensingController)
+    commands = fresh.watched(Window("/plant", 1, first, samples))
+    sent = recording.messages["torque_command"]
+    until = scenario.graph.faults[0].until_tick
+    renewed = 0
+    for before, message in pairwise(sent):
+        rounded = fresh.wire("command").rounded(commands[message.tick - first])
+        changed = message.value != before.value  # the rule renews a part of what it sends, the rest stays
+        assert rounded[changed].tolist() == message.value[changed].tolist(), message.tick
+        renewed += int(changed.sum()) if message.tick > until else 0
+    assert renewed > 5
 
 
 def test_a_fault_costs_what_the_account_says() -> None:
