@@ -348,3 +348,21 @@ def test_refused(case: str) -> None:
     name, overrides, expected = BAD[case]
     with pytest.raises(ScenarioError, match=expected):
         load(name, None, overrides)
+
+
+def test_in_real_time_the_process_stands_still(tmp_path: Path) -> None:
+    scenario = load("wu2018", None, ["duration_s=50", fault(20.0, "/controller", "stall", 20.0)])
+    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=20.0))
+    found = run.summary.faults["x"]
+    assert (found.missed, found.waited > 0) == (0, True)
+    answers = [message.tick for message in run.recording.messages["torque_command"]]
+    assert len(answers) == len(run.recording.messages["filtered_error"])  # it takes all when it goes on
+    assert not [tick for tick in answers if 30 * 32 <= tick < 40 * 32]
+    assert max(answers) >= 40 * 32
+    assert read_run(tmp_path / "bag").summary.faults == run.summary.faults
+
+
+def test_in_real_time_a_node_needs_its_own_process(tmp_path: Path) -> None:
+    scenario = load("wu2018", None, ["duration_s=50", fault(20.0, "/controller", "stall", 20.0)])
+    with pytest.raises(ScenarioError, match="stops the process of one node"):
+        run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=20.0, processes="one"))

@@ -82,7 +82,8 @@ def play(
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
     from etac_ros.engines.ros.wall_host import host_of
 
-    wall = real_time(RosOptions(rate=rate, strict=strict, priority=priority), scenario)
+    # Nobody here has started the others, or could stop them: only=name.
+    wall = real_time(RosOptions(only=name, rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     shown = parameters_of(scenario)
     plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)
