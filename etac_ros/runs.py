@@ -711,7 +711,7 @@ def make_readable(bag: Path) -> None:
     try:
         recover(bag)
     except BagError as error:
-        print(f"the bag of the failed run could not be repaired: {error}", file=sys.stderr)
+        print(f"etac: the bag of the failed run could not be repaired: {error}", file=sys.stderr)
 
 
 def _plane(sent: dict[str, tuple[int, int]]) -> dict[str, tuple[str, int, int]]:

@@ -96,6 +96,9 @@ def test_a_rate_thins_samples_and_no_events(run: Run, bag: BagTables) -> None:
     assert thin.table("messages").equals(bag.table("messages"))
     with pytest.raises(BagError, match="a rate above 0"):
         etac_ros.open_bag(run.bag, rate_hz=0.0)
+    assert set(etac_ros.open_bag(run.bag, rate_hz=1e-300).table("attitude").column("tick").to_pylist()) == {0}
+    refused = CliRunner().invoke(app, ["export", str(run.bag), "--to", "csv", "--rate", "nan"])
+    assert str(refused.exception).startswith("--rate nan: is no rate")
 
 
 def test_parquet_and_csv_hold_the_tables(bag: BagTables, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from etac_ros.cli.nodes import parse_arguments
+from etac_ros.metrics.summary import Summary
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 
@@ -46,6 +47,12 @@ def snippet(containing: str) -> str:
     """The Python block that contains a text."""
     (found,) = [block for kind, block in BLOCKS if kind == "python" and containing in block]
     return found
+
+
+def test_the_summary_is_described_key_by_key() -> None:
+    described = README[README.index("### The summary") : README.index("In Python: `from etac_ros.runs")]
+    assert not set(Summary.model_fields) - set(re.findall(r"`(\w+)`", described))
+    assert f"The key `format` is {Summary.model_fields['format'].default};" in described
 
 
 def test_the_two_commands_come_first() -> None:

@@ -101,6 +101,13 @@ def test_a_folder_that_cannot_be_made(recorded: Run, place: str, tmp_path: Path)
     assert (tmp_path / "file").read_text() == "in the way"
 
 
+def test_the_folder_that_is_named_is_the_one_in_the_way(recorded: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ReportError, match="cannot be written") as caught:
+        write_report(bag_of(recorded), output=tmp_path / "report", figures=tmp_path / "file")
+    assert caught.value.where == str(tmp_path / "file")
+
+
 def test_a_page_that_cannot_be_written(recorded: Run, tmp_path: Path) -> None:
     (tmp_path / "overview.png").mkdir()
     with pytest.raises(ReportError, match="cannot be written"):

@@ -83,6 +83,9 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
     [
         (["run", "wu2018", "--strict"], "--strict: is for --clock wall"),
         (["run", "wu2018", "--priority", "5"], "--priority 5: is for --clock wall"),
+        (["run", "wu2018", "--clock", "wall", "--engine", "inprocess"], "--clock wall: is for --engine ros"),
+        (["run", "wu2018", "--state-rate", "inf"], "--state-rate inf: is no rate"),
+        (["run", "wu2018", "--set", "links.filtered_error.history=2147483648"], "less than or equal to 2147483647"),
         (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),
         (["compare", "wu2018", "--clock", "wall", "--variant", "noise", "--variant", "radio"], "more than once"),
         (["compare", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),

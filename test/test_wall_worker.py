@@ -113,6 +113,19 @@ def test_a_torque_is_held_from_the_first_tick_after_it_has_come() -> None:
     assert held.ticks.tolist() == [0, *sorted(set(taken.values()))]
 
 
+def test_who_oversleeps_the_end_misses_no_tick_behind_it() -> None:
+    scenario = load("wu2018", "periodic", ["duration_s=4"])
+    tick_ns = 10**9 // 32
+
+    def lateness(name: str, due: int) -> int:
+        return 500 * tick_ns if name == "/sensor" and abs(due - START - 96 * tick_ns) < MS else 0
+
+    run = network(scenario, MS, lateness)
+    account = real_time_account(run.graph, run.run())
+    assert account is not None
+    assert account.nodes["/sensor"].missed_ticks == 32  # of 128, from tick 96 on
+
+
 def test_who_oversleeps_acts_once_and_is_noted() -> None:
     scenario = load("wu2018", "periodic", ["duration_s=4", "sensor.trigger.period_s=0.03125"])
     tick_ns = 10**9 // 32

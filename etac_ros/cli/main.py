@@ -175,6 +175,8 @@ def run(
     from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.run import RunRequest, run_and_show
 
+    if state_rate == float("inf"):
+        raise ScenarioError("--state-rate inf", "is no rate", "samples a simulated second, or 0", "leave it out")
     request = RunRequest(
         scenario,
         variant,
@@ -540,6 +542,8 @@ def export(
     """Write a bag as tables: samples, triggers and messages, for pandas, MATLAB, Octave and numpy."""
     from etac_ros.export import open_bag, write_tables
 
+    if rate is not None and not rate > 0.0:
+        raise ScenarioError(f"--rate {rate:g}", "is no rate", "samples a simulated second, more than 0")
     folder = bag / "export" if output is None else output
     for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
         typer.echo(f"table: {path}")

@@ -87,6 +87,9 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     """Run what was asked for, show the tables, write the summary."""
     if request.engine == "ros":
         request = _in_this_process(request)
+    elif request.rate is not None:
+        raise ScenarioError("--clock wall", "is for --engine ros: by calls nothing takes its time", "",
+                            "leave out --engine, or --clock wall; --rate alone slows simulated time down")  # fmt: skip
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.capture is not None:
         _check_capture(request)

@@ -66,7 +66,7 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
     for topic, messages in summary.strangers.items():
         console.print(f"{topic}: {messages:,} messages of others, not of this run, were ignored", soft_wrap=True)
     if summary.real_time is not None and summary.real_time.overruns:
-        words = f"{summary.real_time.overruns:,} overruns: real time was not kept; a lower --rate may be"
+        words = f"{summary.real_time.overruns:,} overruns: real time was not kept; at a lower --rate it may be"
         console.print(words, soft_wrap=True)
     timing = summary.timing
     speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0

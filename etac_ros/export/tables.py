@@ -27,6 +27,8 @@ from etac_ros.plants.plant import Body, bodies_of, errors_of
 from etac_ros.report.source import ReportedRun, read_run
 
 _XYZ = ("x", "y", "z")
+_LONGEST_PERIOD = 2.0**62
+"""More ticks than any run has, in an int64."""
 _LABEL = re.compile(r"(.*?)(?: \[(.*)\])?")
 
 
@@ -90,7 +92,9 @@ class BagTables:
     def __init__(self, path: Path, run: ReportedRun, rate_hz: float | None = None) -> None:
         self.path = path
         self._run = run
-        self._period = 1 if rate_hz is None else max(1, math.ceil(run.graph.ticks_per_second / rate_hz))
+        # However low the rate, the sample at tick 0 is kept; a period beyond all ticks has to stay an int64.
+        periods = 1.0 if rate_hz is None else min(run.graph.ticks_per_second / rate_hz, _LONGEST_PERIOD)
+        self._period = max(1, math.ceil(periods))
         self._samples: dict[str, Callable[[], Iterator[Series]]] = {
             "attitude": self._attitude,
             "rate": self._rate,

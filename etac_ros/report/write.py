@@ -88,7 +88,7 @@ def write_report(
         path.write_text(page(view, drawn), encoding="utf-8", newline="\n")
     except OSError as error:
         raise ReportError(
-            str(folder),
+            str(error.filename or folder),
             f"the report cannot be written: {error.strerror or error}",
             "a folder that may be written to, on a disk that has space left",
             "choose another with --output or --figures",

@@ -80,7 +80,9 @@ class LinkSection(Parameters):
         default=Reliability.RELIABLE, description="of DDS: whether it sends again what was lost; only of network links"
     )
     history: PositiveInt = Field(
-        default=USUAL_QOS.history, description="of DDS: the last so many messages are kept at both ends; likewise"
+        default=USUAL_QOS.history,
+        le=2**31 - 1,  # a longer one is no depth to the middleware
+        description="of DDS: the last so many messages are kept at both ends; likewise",
     )
 
     @model_validator(mode="after")

@@ -279,7 +279,7 @@ class WallModule(WallWorker):
     def _act(self, tick: int, now: int, now_ns: int) -> None:
         assert self.clock is not None
         instant = self.clock.instant_ns(tick)
-        late = now - tick
+        late = min(now, self._end) - tick  # a run has no ticks behind its end that could be missed
         self.acts += 1
         self.late_ns = now_ns - instant
         self.most_late_ns = max(self.most_late_ns, self.late_ns)

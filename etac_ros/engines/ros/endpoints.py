@@ -266,7 +266,7 @@ class Subscription:
         if self._qos.reliability is Reliability.BEST_EFFORT:
             remedy = f"its link is best effort, and DDS has lost messages: reliability: reliable. Or else, {remedy}"
         elif self._qos.history < USUAL_QOS.history:
-            remedy = f"its link keeps {self._qos.history} messages: a longer history. Or else, {remedy}"
+            remedy = f"its link keeps the last {self._qos.history} only: a longer history. Or else, {remedy}"
         there = sorted({name_of(end) for end in self._node.get_publishers_info_by_topic(self.topic)})
         if len(there) > 1:
             remedy = f"{' and '.join(there)} publish on it: one of them does not belong here"
