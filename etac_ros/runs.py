@@ -33,7 +33,9 @@ from etac_ros.capture.account import WireAccount
 from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
+from etac_ros.engines.ros.several_machines import Machines
 from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
+from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
@@ -382,6 +384,8 @@ class RosOptions:
     priority
         In real time: of its processes among those with a real-time priority (SCHED_FIFO, 1 to 99); 0 for an ordinary
         one.
+    machines
+        Those that the run is spread over; None keeps to this one.
     live
         Port on which the run is shown to Foxglove while it goes on, on this machine; None shows nothing.
     """
@@ -397,6 +401,7 @@ class RosOptions:
     keep_capture: Path | None = None
     pace: float | None = None
     priority: int = 0
+    machines: Machines | None = None
     live: int | None = None
 
 
@@ -416,7 +421,8 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
 
     if not 0.0 < options.rate < float("inf"):
         raise ScenarioError(f"--rate {options.rate:g}", "is no rate", "simulated seconds a second, more than 0")
-    emulated = [link.name for link in scenario.graph.links.values() if not link.is_ideal]
+    _check_faults_in_real_time(options, scenario)
+    emulated = [link.name for link in scenario.graph.in_real_time().links.values() if not link.is_ideal]
     if emulated:
         raise ScenarioError(
             f"--clock wall: links {', '.join(emulated)}",
@@ -424,14 +430,25 @@ def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
             "ideal links: in real time the network is what delays and loses",
             "leave these keys out, or run in simulated time",
         )
-    if scenario.graph.faults:
-        named = ", ".join(sorted(scenario.run.faults))
-        raise ScenarioError(
-            f"--clock wall: faults {named}", "are emulated, and happen in simulated time only", "none in real time",
-            "leave the key faults out, or run in simulated time",
-        )  # fmt: skip
     check_priority(options.priority)
     return RealTime(rate_of(options.rate), options.strict, options.priority)
+
+
+def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
+    assert options.rate is not None
+    rate = scenario.run.ticks_per_second * options.rate
+    for fault in scenario.graph.faults:
+        where = f"--clock wall: fault {fault.name}"
+        away = f"--set faults.{fault.name}=null, or simulated time"
+        if fault.kind is not FaultKind.STALL:
+            raise ScenarioError(where, f"is a {fault.kind.value}, of which only simulated time knows", "a stall", away)
+        if options.only is not None or options.processes != "node":
+            found = "stops the process of one node, which has to have one, started with all others"
+            raise ScenarioError(where, found, "--processes node, no --only, and no nodes started by hand", away)
+        lasts = (fault.until_tick - fault.from_tick) / rate
+        if lasts >= options.quiet_s:
+            found = f"would stand still for {lasts:g} s, which ends a run after {options.quiet_s:g} s"
+            raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
@@ -464,7 +481,8 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     warm_up(scenario)
     processes = Processes(options.processes)
     with SignalGuard() as guard:
-        Launcher(plan, processes, options.domain, options.only, _no_bag, lambda *_: None, lambda _: None, guard).run()
+        mute = (_no_bag, lambda *_: None, lambda _: None)
+        Launcher(plan, processes, options.domain, options.only, *mute, guard, options.machines).run()
     return True
 
 
@@ -521,10 +539,15 @@ def run_over_ros(
     wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
+    stalls = () if wall is None else graph.faults
+    played = graph
+    if wall is not None:  # there the launcher sees to them
+        graph = graph.in_real_time()
+        played = replace(graph, faults=(), spares={})
     plan = Plan(
         scenario.name,
         scenario.digest,
-        graph,
+        played,
         windows,
         options.record_windows,
         token,
@@ -555,6 +578,8 @@ def run_over_ros(
                 on_progress,
                 on_start,
                 guard,
+                options.machines,
+                stalls,
             )
             try:
                 outcome = launcher.run()

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from hands import Start
@@ -55,6 +56,13 @@ SMALL = """\
 """
 
 SmallScenario = Callable[..., Path]
+
+
+@pytest.fixture(autouse=True)
+def environment() -> Iterator[None]:
+    """Commands that are called in this process may set what holds for theirs; the next test has its own."""
+    with patch.dict(os.environ):
+        yield
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ import yaml
 from network import every_interleaving
 from test_engines_equal import assert_same
 from test_interleavings import assert_as_in_process, network_of
+from test_ported_experiments import servo
 from toy import toy, trace
 
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.module import Window
+from etac_ros.modules.sensing_controller import SensingController
 from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, baseline_of, load
@@ -193,6 +197,14 @@ def test_windows_change_nothing(system: str) -> None:
         assert_same(runs[0], other)
 
 
+@pytest.mark.parametrize("kind", ["stall", "restart"])
+def test_windows_change_nothing_for_a_rule_with_memory(kind: str, tmp_path: Path) -> None:
+    scenario = servo(tmp_path, ["sensor.trigger={class: 'ported:Dynamic'}", fault(0.5, "/sensor", kind, 0.3)])
+    runs = [InProcess(scenario.build(), WindowPolicy(first, most)).run() for first, most in ((1, 1), (3, 7), (64, 512))]
+    for other in runs[1:]:
+        assert_same(runs[0], other)
+
+
 @pytest.mark.parametrize("system", ["wu2018 three", "wu2018 periodic", "wu2018 acknowledged", "qi2022", "xie2021"])
 def test_same_bits_over_dds(system: str, tmp_path: Path) -> None:
     scenario = load(*SYSTEMS[system])
@@ -215,6 +227,25 @@ def test_every_interleaving(kind: str, node: str) -> None:
         assert_as_in_process(network, scenario)
         count += 1
     assert count
+
+
+@pytest.mark.parametrize("variant", ["events", "fitted"])
+def test_what_a_law_has_learnt_is_made_anew_from_the_samples(variant: str) -> None:
+    scenario = load("shi2022", variant, ["duration_s=4", fault(0.25, "/controller", "stall", 0.5)])
+    recording = InProcess(scenario.build()).run()
+    first, samples = recording.samples("/plant")
+    fresh = scenario.build().modules["/controller"]
+    assert isinstance(fresh, SensingController)
+    commands = fresh.watched(Window("/plant", 1, first, samples))
+    sent = recording.messages["torque_command"]
+    until = scenario.graph.faults[0].until_tick
+    renewed = 0
+    for before, message in pairwise(sent):
+        rounded = fresh.wire("command").rounded(commands[message.tick - first])
+        changed = message.value != before.value  # the rule renews a part of what it sends, the rest stays
+        assert rounded[changed].tolist() == message.value[changed].tolist(), message.tick
+        renewed += int(changed.sum()) if message.tick > until else 0
+    assert renewed > 5
 
 
 def test_a_fault_costs_what_the_account_says() -> None:
@@ -317,3 +348,21 @@ def test_refused(case: str) -> None:
     name, overrides, expected = BAD[case]
     with pytest.raises(ScenarioError, match=expected):
         load(name, None, overrides)
+
+
+def test_in_real_time_the_process_stands_still(tmp_path: Path) -> None:
+    scenario = load("wu2018", None, ["duration_s=50", fault(20.0, "/controller", "stall", 20.0)])
+    run = run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=20.0))
+    found = run.summary.faults["x"]
+    assert (found.missed, found.waited > 0) == (0, True)
+    answers = [message.tick for message in run.recording.messages["torque_command"]]
+    assert len(answers) == len(run.recording.messages["filtered_error"])  # it takes all when it goes on
+    assert not [tick for tick in answers if 30 * 32 <= tick < 40 * 32]
+    assert max(answers) >= 40 * 32
+    assert read_run(tmp_path / "bag").summary.faults == run.summary.faults
+
+
+def test_in_real_time_a_node_needs_its_own_process(tmp_path: Path) -> None:
+    scenario = load("wu2018", None, ["duration_s=50", fault(20.0, "/controller", "stall", 20.0)])
+    with pytest.raises(ScenarioError, match="stops the process of one node"):
+        run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=20.0, processes="one"))

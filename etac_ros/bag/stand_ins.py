@@ -74,7 +74,7 @@ def stand_in_graph(run: RunDescription, recording: Recording, derived: Mapping[s
             link.port,
             link.receivers,
             Wire(link.wire, link.size),
-            _channel(name, link, run.ticks_per_second, faults),
+            _channel(name, link, run.ticks_per_second, () if recording.wall is not None else faults),
             link.medium or "",
             None if link.acknowledged is None else Acknowledgement(**link.acknowledged.model_dump()),
         )

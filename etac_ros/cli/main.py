@@ -89,6 +89,10 @@ class Format(StrEnum):
     npz = "npz"
 
 
+Peers = Annotated[str | None, typer.Option(metavar="ADDRESS,...", help="Other machines of this run: docs/machines.md.")]
+Interface = Annotated[
+    str | None, typer.Option(metavar="NAME|ADDRESS", help="By which of its addresses this machine takes part.")
+]
 Clock = Annotated[ClockKind, typer.Option(help="Simulated time, or real time: docs/wallclock.md.")]
 Rate = Annotated[
     float | None,
@@ -163,6 +167,8 @@ def run(
     rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
+    peers: Peers = None,
+    interface: Interface = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
@@ -189,6 +195,8 @@ def run(
         capture,
         pace=rate if clock is ClockKind.sim else None,
         priority=priority,
+        peers=peers,
+        interface=interface,
         live=live_port if live else None,
     )
     run_and_show(request, console_beside(json, quiet))
@@ -447,6 +455,8 @@ def node(
     rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
+    peers: Peers = None,
+    interface: Interface = None,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
@@ -455,7 +465,17 @@ def node(
         raise ScenarioError(
             f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
         )
-    play(name, [str(params_file)], bag, quiet_s, rate_of_clock(clock, rate, strict, priority), strict, priority)
+    play(
+        name,
+        [str(params_file)],
+        bag,
+        quiet_s,
+        rate_of_clock(clock, rate, strict, priority),
+        strict,
+        priority,
+        peers,
+        interface,
+    )
 
 
 @app.command()
@@ -539,12 +559,14 @@ def play(
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Publish /emulation too.")] = False,
     wait: Annotated[bool, typer.Option("--wait", help="Begin only when somebody listens.")] = False,
+    peers: Peers = None,
+    interface: Interface = None,
 ) -> None:
     """Publish a bag as ROS topics, with /clock: for rviz, Foxglove's bridge, or a node of one's own."""
     from etac_ros.cli.play import play_bag
     from etac_ros.cli.show import make_console
 
-    play_bag(bag, rate, domain, topic or (), everything, wait, make_console())
+    play_bag(bag, rate, domain, topic or (), everything, wait, make_console(), peers, interface)
 
 
 def _version(wanted: bool) -> None:

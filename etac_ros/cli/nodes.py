@@ -18,6 +18,7 @@ from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
+from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.runs import (
     RosOptions,
@@ -46,6 +47,8 @@ def play(
     rate: float | None = None,
     strict: bool = False,
     priority: int = 0,
+    peers: str | None = None,
+    interface: str | None = None,
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -61,6 +64,8 @@ def play(
         How long a node may owe an answer before it is reported [s].
     rate, strict, priority
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
+    peers, interface
+        As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
 
     Raises
     ------
@@ -69,13 +74,16 @@ def play(
     """
     domain = domain_of_environment(os.environ) or 0
     # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
-    join_by_hand(os.environ, domain)
+    machines = machines_of(peers, interface)
+    find_peers(machines, domain)
+    join_by_hand(os.environ, domain, machines)
     scenario = load_files(params_files)
     from etac_ros.engines.ros.host import leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
     from etac_ros.engines.ros.wall_host import host_of
 
-    wall = real_time(RosOptions(rate=rate, strict=strict, priority=priority), scenario)
+    # Nobody here has started the others, or could stop them: only=name.
+    wall = real_time(RosOptions(only=name, rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     shown = parameters_of(scenario)
     plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)

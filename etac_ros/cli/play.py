@@ -12,6 +12,7 @@ from etac_ros.bag.clock import published_ns
 from etac_ros.bag.read import read_bag
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import join_by_hand
+from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.plain_text import one_line
 
@@ -24,6 +25,8 @@ def play_bag(
     everything: bool,
     wait: bool,
     console: Console,
+    peers: str | None = None,
+    interface: str | None = None,
 ) -> None:
     """Publish what a bag holds.
 
@@ -43,6 +46,8 @@ def play_bag(
         Whether to begin only when somebody listens.
     console
         For people.
+    peers, interface
+        As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
 
     Raises
     ------
@@ -59,7 +64,9 @@ def play_bag(
             known = ", ".join(one_line(topic.name) for topic in found.topics)
             raise BagError(f"{bag}: --topic {wanted}", "no topic begins like that", f"one of: {known}")
     chosen = [topic for topic in chosen if not topics or topic.name.startswith(tuple(topics))]
-    join_by_hand(os.environ, domain)  # before rclpy is loaded
+    machines = machines_of(peers, interface)
+    find_peers(machines, domain)
+    join_by_hand(os.environ, domain, machines)  # before rclpy is loaded
     from etac_ros.engines.ros.player import PlayedMessage, PlayedTopic, message_class, play_messages
 
     left_out = [topic for topic in chosen if message_class(topic.type_name) is None]

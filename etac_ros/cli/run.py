@@ -22,6 +22,7 @@ from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
 from etac_ros.engines.ros.liveness import QUIET_S
+from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
@@ -58,6 +59,8 @@ class RunRequest:
     """The pcapng file to keep; empty keeps none; None captures nothing."""
     pace: float | None = None
     priority: int = 0
+    peers: str | None = None
+    interface: str | None = None
     live: int | None = None
 
     @property
@@ -75,6 +78,7 @@ class RunRequest:
             Path(self.capture) if self.capture else None,
             self.pace,
             self.priority,
+            machines_of(self.peers, self.interface),
             self.live,
         )
 
@@ -89,6 +93,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     scenario = load(request.scenario, request.variant, request.overrides)
     if request.capture is not None:
         _check_capture(request)
+    if request.peers is not None or request.interface is not None:
+        _check_machines(request)
     if request.live is not None and request.engine != "ros":
         raise ScenarioError("--live", "is for --engine ros")
     if request.only is not None and request.pace is not None:
@@ -156,6 +162,14 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
     except ScenarioError as error:
         console.print(f"no baseline to compare with: {error}", soft_wrap=True)
         return None
+
+
+def _check_machines(request: RunRequest) -> None:
+    if request.engine != "ros":
+        raise ScenarioError("--peers", "is for --engine ros: calls do not leave this machine")
+    if request.capture is not None:
+        raise ScenarioError("--capture", "captures the loopback of this machine alone", "", "leave out --peers")
+    find_peers(machines_of(request.peers, request.interface), request.domain)
 
 
 def _check_capture(request: RunRequest) -> None:

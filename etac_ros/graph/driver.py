@@ -62,6 +62,8 @@ class Driver:
 
     def look(self, after: int) -> int | None:
         """First tick after ``after`` at which the module acts by itself."""
+        if not self._faults:
+            return self._scan(self._component, self.window, after)
         self._replace(after + 1)
         component, window = self._component, self.window
         spares = dict(self._spares)

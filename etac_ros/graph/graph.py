@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -150,6 +150,11 @@ class Graph:
     media: Mapping[str, MediumPlan] = field(default_factory=dict)
     faults: tuple[Fault, ...] = ()
     spares: Mapping[str, Module] = field(default_factory=dict)
+
+    def in_real_time(self) -> Graph:
+        """The same, where real processes are stopped: what arrives late is noted by its receiver, and not computed."""
+        links = {name: replace(link, channel=replace(link.channel, down={})) for name, link in self.links.items()}
+        return replace(self, links=links)
 
     @cached_property
     def plants(self) -> tuple[str, ...]:

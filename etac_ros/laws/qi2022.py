@@ -35,6 +35,7 @@ Readings of the paper
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -430,9 +431,10 @@ class SmLfpd:
         Rate of the tick grid [1/s].
     """
 
-    Parameters = SmLfpdParameters
+    Parameters: type[SmLfpdParameters] = SmLfpdParameters
     signal_size = MEASUREMENT_SIZE
     command_size = 3
+    _kernel: Callable[..., FloatArray] = staticmethod(_tracking)
 
     def __init__(self, parameters: SmLfpdParameters, ticks_per_second: int) -> None:
         self._ticks_per_second = ticks_per_second
@@ -460,7 +462,7 @@ class SmLfpd:
         ticks
             Tick of each row, shape (n,).
         """
-        result: FloatArray = _tracking(measurements, ticks, self._packed, self._ticks_per_second)
+        result: FloatArray = self._kernel(measurements, ticks, self._packed, self._ticks_per_second)
         return result
 
     def watched(self, measurements: FloatArray, ticks: TickArray) -> FloatArray:

@@ -6,6 +6,7 @@ The default law (:mod:`etac_ros.laws.qi2022`) leaves that term out. Whoever has 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from pydantic import PositiveFloat
@@ -16,9 +17,10 @@ from etac_ros.laws.qi2022 import (
     SM_ATTITUDE_GAIN,
     SM_MODEL_SIZE,
     SM_RATE_GAIN,
-    Magnitudes,
     PmModelParameters,
     RelativeMeasurement,
+    SmLfpd,
+    SmLfpdParameters,
     SmModelParameters,
     feed_forward,
 )
@@ -142,17 +144,16 @@ class MeasurementWithModes:
         return np.concatenate([measured, states[:, MODES.start : MODES.start + MODES_SIZE]], axis=1)
 
 
-class SmLfpdWithPanelsParameters(PanelsModelParameters):
-    """Parameters of :class:`SmLfpdWithPanels`."""
+class SmLfpdWithPanelsParameters(PanelsModelParameters, SmLfpdParameters):
+    """Parameters of :class:`SmLfpdWithPanels`; its feed-forward is whole."""
 
-    attitude_gain_nm: Magnitudes
-    """Magnitude of the diagonal of ``K_ps``."""
-    rate_gain_nms: Magnitudes
-    """Magnitude of the diagonal of ``K_ds``."""
+    feed_forward: Literal[True] = True
 
 
-class SmLfpdWithPanels:
+class SmLfpdWithPanels(SmLfpd):
     """Tracking law of the SM, ``tau_cons = -K_ps q_sp - K_ds omega_sp + Delta_s``, with the whole of eq. (13).
+
+    It takes what :class:`MeasurementWithModes` sends.
 
     Parameters
     ----------
@@ -164,10 +165,10 @@ class SmLfpdWithPanels:
 
     Parameters = SmLfpdWithPanelsParameters
     signal_size = MEASUREMENT_SIZE + MODES_SIZE
-    command_size = 3
+    _kernel = staticmethod(_tracking)
 
     def __init__(self, parameters: SmLfpdWithPanelsParameters, ticks_per_second: int) -> None:
-        self._ticks_per_second = ticks_per_second
+        super().__init__(parameters, ticks_per_second)
         self._packed = np.concatenate(
             [
                 parameters.packed(),
@@ -176,26 +177,3 @@ class SmLfpdWithPanels:
                 parameters.packed_panels(),
             ]
         )
-
-    def command(self, signal: FloatArray, tick: int) -> FloatArray:
-        """:meth:`torque` for one measurement at a tick, shape (3,)."""
-        torque: FloatArray = self.torque(np.ascontiguousarray(signal[np.newaxis]), np.array([tick], dtype=np.int64))[0]
-        return torque
-
-    def torque(self, measurements: FloatArray, ticks: TickArray) -> FloatArray:
-        """``tau_cons`` [N m] in S of each measurement, shape (n, 3).
-
-        Parameters
-        ----------
-        measurements
-            From :class:`MeasurementWithModes`, shape (n, 21).
-        ticks
-            Tick of each row, shape (n,).
-        """
-        result: FloatArray = _tracking(measurements, ticks, self._packed, self._ticks_per_second)
-        return result
-
-    def watched(self, measurements: FloatArray, ticks: TickArray) -> FloatArray:
-        """What the rule of eq. (11) looks at: ``[tau_cons (3), omega_sp (3), q_sp (3)]``, shape (n, 9)."""
-        torque = self.torque(measurements, ticks)
-        return np.concatenate([torque, measurements[:, 3:6], measurements[:, 0:3]], axis=1)

@@ -282,7 +282,9 @@ class TimeMaster:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
-            end = next((last for last in self._last_before if last > tick), self._graph.end_tick)
+            end = self._graph.end_tick
+            if self._last_before:
+                end = next((last for last in self._last_before if last > tick), end)
             self._proposals[plant] = min(tick + self._lengths[plant], end)
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]

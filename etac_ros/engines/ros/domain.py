@@ -23,6 +23,11 @@ _FIRST_PORT = 7400
 _PORTS_A_DOMAIN = 250
 
 
+def last_port(domain: int) -> int:
+    """The last UDP port of a domain, which no participant of it takes."""
+    return _FIRST_PORT + _PORTS_A_DOMAIN * (domain + 1) - 1
+
+
 class DomainLease:
     """A ROS domain taken for one run; released by :meth:`release` or by the end of the process.
 

@@ -14,6 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
+from etac_ros.engines.ros.several_machines import Machines, profiles_folder
 from etac_ros.errors import ScenarioError
 
 RMW = "rmw_fastrtps_cpp"
@@ -42,8 +43,8 @@ SET_ASIDE = (
 """Variables that the processes of a launched run do not get."""
 
 
-def dds_environment(domain: int, private: bool = False) -> dict[str, str]:
-    """Environment variables with which a process joins a run in the domain on this machine.
+def dds_environment(domain: int, private: bool = False, machines: Machines | None = None) -> dict[str, str]:
+    """Environment variables with which a process joins a run in the domain.
 
     Parameters
     ----------
@@ -52,22 +53,26 @@ def dds_environment(domain: int, private: bool = False) -> dict[str, str]:
     private
         One parent sees all processes of the run. Then a peer that does not answer is merely late, and DDS must not
         forget it; elsewhere it is forgotten after four seconds, which is how its end is noticed.
+    machines
+        Those that the run is spread over; None keeps to this one.
     """
     name = "fastdds_profile_launched.xml" if private else "fastdds_profile.xml"
     return {
         DOMAIN_VARIABLE: str(domain),
-        _RANGE: "SYSTEM_DEFAULT",  # leave it to the profile: this machine only
+        _RANGE: "SYSTEM_DEFAULT",  # leave it to the profile
         _RMW_VARIABLE: RMW,
-        _PROFILES: str(files("etac_ros.engines.ros").joinpath(name)),
+        _PROFILES: str(files("etac_ros.engines.ros").joinpath(name)) if machines is None else machines.profile(name),
         _SKIP_LOCAL_PROFILE: "1",
     }
 
 
-def enter_launched_run(environment: MutableMapping[str, str], domain: int, private: bool) -> None:
+def enter_launched_run(
+    environment: MutableMapping[str, str], domain: int, private: bool, machines: Machines | None = None
+) -> None:
     """Make the environment of a process that of a launched run. Before rclpy is initialised there."""
     for name in SET_ASIDE:
         environment.pop(name, None)
-    environment.update(dds_environment(domain, private))
+    environment.update(dds_environment(domain, private, machines))
 
 
 def without_effect(environment: Mapping[str, str], folder: Path) -> list[str]:
@@ -87,15 +92,18 @@ def without_effect(environment: Mapping[str, str], folder: Path) -> list[str]:
         found.append(f"{_RMW_VARIABLE}={environment[_RMW_VARIABLE]}")
     if environment.get(_RANGE, "").upper() == "OFF":
         found.append(f"{_RANGE}=OFF")
-    if _is_set(environment, _PROFILES) and environment[_PROFILES] not in own:
+    written = Path(environment.get(_PROFILES) or ".").parent == profiles_folder()  # for --peers
+    if _is_set(environment, _PROFILES) and environment[_PROFILES] not in own and not written:
         found.append(f"{_PROFILES}={environment[_PROFILES]}")
     if _SKIP_LOCAL_PROFILE not in environment and (folder / _LOCAL_PROFILE).exists():
         found.append(f"{_LOCAL_PROFILE} in {folder}")
     return found
 
 
-def join_by_hand(environment: MutableMapping[str, str], domain: int) -> None:
+def join_by_hand(environment: MutableMapping[str, str], domain: int, machines: Machines | None = None) -> None:
     """Complete the environment of a node that is started by hand: what the shell says stands.
+
+    But for the profile, where it is said which machines the run is spread over.
 
     Raises
     ------
@@ -117,7 +125,9 @@ def join_by_hand(environment: MutableMapping[str, str], domain: int) -> None:
             "LOCALHOST, SUBNET, SYSTEM_DEFAULT or nothing",
             f"unset {_RANGE}",
         )
-    for name, value in dds_environment(domain).items():
+    if machines is not None:
+        environment.pop(_PROFILES, None)
+    for name, value in dds_environment(domain, machines=machines).items():
         if name == _SKIP_LOCAL_PROFILE:
             continue
         if not environment.get(name):

@@ -29,6 +29,7 @@ from etac_ros.engines.ros.module_node import ModuleNode, PlantNode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import RecorderNode, Sink
 from etac_ros.engines.ros.run_node import RunNode
+from etac_ros.engines.ros.scheduling import take_turns
 from etac_ros.engines.ros.signals import ENDING, let_through
 from etac_ros.errors import EtacError, RunError
 
@@ -144,6 +145,7 @@ class Host:
             If this node failed, or was told of another's failure.
         """
         self._hear_signals()
+        self._before_threads()
         context = Context()
         try:
             # Without log files: nobody reads them, and there may be no folder for them.
@@ -222,6 +224,11 @@ class Host:
                 f"{now - began:.0f} s in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}, "
                 f"still no other end for {topics}{cause and f' ({cause})'}"
             )
+
+    def _before_threads(self) -> None:
+        """Called before DDS starts its threads, which inherit how this process is scheduled."""
+        if self._supervised is not None:
+            take_turns(only_listens=list(self._names) == [RECORDER])
 
     def _take_part(self) -> None:
         while not all(node.finished for node in self._nodes):

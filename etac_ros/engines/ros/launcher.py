@@ -19,6 +19,7 @@ import signal
 import sys
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -35,9 +36,11 @@ from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_
 from etac_ros.engines.ros.messages import preload
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink
+from etac_ros.engines.ros.several_machines import Machines
 from etac_ros.engines.ros.signals import SignalGuard, held_back
 from etac_ros.engines.ros.wall_host import host_of
 from etac_ros.errors import EtacError, RunError
+from etac_ros.graph.faults import Fault
 
 MOST_PROCESSES = 100
 """A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
@@ -108,6 +111,10 @@ class Launcher:
         Told the process of each node once all are started.
     guard
         Keeps signals for the moments at which a run can be ended; None where nobody does.
+    machines
+        Those that the run is spread over; None keeps to this one.
+    faults
+        Of processes, in real time: each is stopped, and goes on.
 
     Attributes
     ----------
@@ -125,6 +132,8 @@ class Launcher:
         on_progress: Progress,
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
+        machines: Machines | None = None,
+        faults: Sequence[Fault] = (),
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -143,6 +152,11 @@ class Launcher:
         # The others of a run in parts, and foreign nodes, are started by hand.
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
+        self._machines = machines
+        signals = [(fault.from_tick, signal.SIGSTOP, fault.node) for fault in faults]
+        signals += [(fault.until_tick, signal.SIGCONT, fault.node) for fault in faults]
+        self._signals = deque(sorted(signals))
+        self._tick_0_s: float | None = None
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
@@ -202,7 +216,7 @@ class Launcher:
         fork = multiprocessing.get_context("fork")
         ours, theirs = fork.Pipe(duplex=False)
         supervised = Supervised(os.getpid(), self._signs, place)
-        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised)
+        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -220,9 +234,10 @@ class Launcher:
                     *(child.process.sentinel for child in pending),
                     *self._guard.wakes,
                 ],
-                LOOK_EVERY_S,
+                self._next_look_s(),
             )
             self._guard.check()
+            self._send_signals()
             for child in pending:
                 if child.pipe in ready or child.process.sentinel in ready:
                     outcome = self._listen(child) or outcome
@@ -235,6 +250,29 @@ class Launcher:
         if outcome is None and self._keeps_time:
             raise RunError("node " + COORDINATOR, "ended without an outcome")
         return outcome
+
+    def _tell_time(self) -> None:
+        """Find out when tick 0 was, in real time: the coordinator tells a tick when it begins, or a little later."""
+        if self._plan.wall is not None and self._tick > 0:
+            start = time.monotonic() - self._seconds() / float(self._plan.wall.rate)
+            self._tick_0_s = start if self._tick_0_s is None else min(start, self._tick_0_s)
+
+    def _due_s(self) -> float:
+        """When the next signal is due, on the monotonic clock."""
+        if not self._signals or self._tick_0_s is None or self._plan.wall is None:
+            return math.inf
+        simulated = self._signals[0][0] / self._plan.graph.ticks_per_second
+        return self._tick_0_s + simulated / float(self._plan.wall.rate)
+
+    def _next_look_s(self) -> float:
+        return min(LOOK_EVERY_S, max(0.0, self._due_s() - time.monotonic()))
+
+    def _send_signals(self) -> None:
+        while self._due_s() <= time.monotonic():
+            _, number, node = self._signals.popleft()
+            for child in self._children:
+                if node in child.names and child.process.is_alive():
+                    os.kill(child.pid, number)
 
     def _look_for_life(self) -> None:
         """Name who stands still; say who takes long."""
@@ -269,6 +307,7 @@ class Launcher:
                 break
             if kind == "progress":
                 self._tick = content[0]
+                self._tell_time()
                 self._on_progress(*content)
             elif kind == "fault":
                 if not isinstance(content, EndedByOthers):
@@ -324,6 +363,7 @@ class _Task:
     domain: int
     patient: bool
     supervised: Supervised
+    machines: Machines | None
 
 
 def _ending(exitcode: int | None) -> str:
@@ -334,7 +374,7 @@ def _ending(exitcode: int | None) -> str:
 
 def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
-    enter_launched_run(os.environ, task.domain, private=not task.patient)
+    enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
     label = f"node {', '.join(task.names)}"
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:

@@ -53,6 +53,9 @@ class WallHost(Host):
         assert isinstance(node, TimedNode)
         return node
 
+    def _before_threads(self) -> None:
+        """Nothing: here everybody is to wake at once, and :func:`be_punctual` sees to that when the run begins."""
+
     def _take_part(self) -> None:
         assert self._plan.wall is not None
         only_listens = list(self._names) == [RECORDER]

@@ -1,0 +1,185 @@
+"""A run over two machines, which are two network namespaces that a veth pair joins."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import pytest
+from test_engines_equal import assert_same
+
+from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros.environment import dds_environment, enter_launched_run, join_by_hand
+from etac_ros.engines.ros.several_machines import Machines, machines_of
+from etac_ros.errors import ScenarioError
+from etac_ros.runs import run_in_process
+from etac_ros.scenario.load import load
+
+LIMIT_S = 60.0
+
+
+class Machine(NamedTuple):
+    """A network namespace in the place of a machine."""
+
+    namespace: str
+    interface: str
+    address: str
+    peer: str
+
+    def etac(self, folder: Path, *arguments: str) -> subprocess.Popen[str]:
+        command = ["ip", "netns", "exec", self.namespace, sys.executable, "-m", "etac_ros", *arguments]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        return subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+
+
+def ip(*words: str) -> None:
+    done = subprocess.run(["ip", *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise OSError(f"`ip {' '.join(words)}`: {done.stderr.strip() or done.stdout.strip()}")
+
+
+@pytest.fixture(scope="module")
+def machines() -> Iterator[tuple[Machine, Machine]]:
+    """Two machines on one wire; where there cannot be any, the tests are skipped, and say why."""
+    if shutil.which("ip") is None:
+        pytest.skip("there is no `ip` (iproute2) to make network namespaces with")
+    names = [f"etac{os.getpid()}{end}" for end in "ab"]
+    cables = [f"ve{os.getpid()}{end}" for end in "ab"]
+    made = [
+        Machine(names[0], cables[0], "10.77.0.1", "10.77.0.2"), Machine(names[1], cables[1], "10.77.0.2", "10.77.0.1"),
+    ]  # fmt: skip
+    try:
+        try:
+            for name in names:
+                ip("netns", "add", name)
+            ip(
+                "link",
+                "add",
+                cables[0],
+                "netns",
+                names[0],
+                "type",
+                "veth",
+                "peer",
+                "name",
+                cables[1],
+                "netns",
+                names[1],
+            )
+            for one in made:
+                ip("-n", one.namespace, "addr", "add", f"{one.address}/24", "dev", one.interface)
+                ip("-n", one.namespace, "link", "set", "lo", "up")
+                ip("-n", one.namespace, "link", "set", one.interface, "up")
+        except OSError as error:
+            pytest.skip(f"no network namespaces can be made here: {error}")
+        yield made[0], made[1]
+    finally:
+        for name in names:
+            subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
+
+
+def play(machines: tuple[Machine, Machine], folder: Path, *options: str) -> str:
+    """``/pm`` on the one machine, ``/sm`` and the simulator with its recorder on the other."""
+    here, there = machines
+    common = ["run", "qi2022", "--set", "duration_s=2", "--set", "baseline=null", "--join", "7", "--quiet-s", "20"]
+    parts = [
+        here.etac(folder, *common, "--only", "/pm", "--peers", here.peer, *options),
+        there.etac(folder, *common, "--only", "/sm", "--peers", there.peer, *options),
+        there.etac(
+            folder, *common, "--only", "/sim", "--interface", there.interface, "--peers", there.peer, "--bag", "bag",
+            "--json", "summary.json", *options,
+        ),
+    ]  # fmt: skip
+    try:
+        outputs = [part.communicate(timeout=LIMIT_S)[0] for part in reversed(parts)]
+        for part, output in zip(reversed(parts), outputs, strict=True):
+            assert part.returncode == 0, output
+        return outputs[0]
+    finally:
+        for part in parts:
+            part.kill()
+            part.wait()
+
+
+def test_simulated_time_has_the_bits_of_one_machine(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    play(machines, tmp_path)
+    scenario = load("qi2022", None, ["duration_s=2", "baseline=null"])
+    assert_same(read_bag(tmp_path / "bag").recording(), run_in_process(scenario).recording)
+
+
+@pytest.mark.slow
+def test_real_time_has_latencies(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    output = play(machines, tmp_path, "--clock", "wall", "--rate", "2")
+    assert "Latency of topics" in output
+    latency = json.loads((tmp_path / "summary.json").read_text())["real_time"]["latency_ms"]["/pm/relative"]
+    assert latency["count"] > 0
+    assert latency["least"] > 0.0
+
+
+def test_a_peer_that_is_not_there_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    with machines[0].etac(tmp_path, "run", "wu2018", "--peers", "10.77.0.9") as run:
+        output, _ = run.communicate(timeout=LIMIT_S)
+    assert run.returncode == 2
+    assert "--peers 10.77.0.9: cannot be reached from 10.77.0.1: No route to host" in output
+
+
+def test_a_network_that_is_not_there_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    with machines[0].etac(tmp_path, "node", "/sensor", "wu2018", "--peers", "10.78.0.1") as node:
+        output, _ = node.communicate(timeout=LIMIT_S)
+    assert node.returncode == 2
+    assert "--peers 10.78.0.1: no way leads there: Network is unreachable" in output
+
+
+@pytest.mark.parametrize(
+    ("peers", "interface", "expected"),
+    [
+        ("nobody.invalid", None, "--peers nobody.invalid: is unknown"),
+        ("127.0.0.1,", None, "names nobody"),
+        ("127.0.0.1", "wlan77", "--interface wlan77: is no interface or address of this machine"),
+        (None, "192.0.2.1", "--interface 192.0.2.1: is no interface or address of this machine"),
+    ],
+)
+def test_refused(peers: str | None, interface: str | None, expected: str) -> None:
+    with pytest.raises(ScenarioError, match=expected):
+        machines_of(peers, interface)
+
+
+def test_without_either_a_run_keeps_to_the_loopback() -> None:
+    assert machines_of(None, None) is None
+    assert machines_of("127.0.0.1", "lo") == Machines("127.0.0.1")
+
+
+@pytest.mark.parametrize("private", [True, False])
+def test_the_profile_differs_in_addresses_alone(private: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    variable = "FASTRTPS_DEFAULT_PROFILES_FILE"
+    alone = ElementTree.parse(dds_environment(3, private)[variable]).getroot()
+    path = dds_environment(3, private, Machines("10.0.0.1", ("10.0.0.2", "10.0.0.3")))[variable]
+    spread = ElementTree.parse(path).getroot()
+    addresses = [element.text for element in spread.iter() if element.tag.endswith("}address")]
+    assert addresses == ["10.0.0.1", "10.0.0.1", "10.0.0.2", "10.0.0.3"]
+
+    def rest(root: ElementTree.Element) -> list[tuple[str, str]]:
+        names = ("address", "udpv4", "locator")
+        return [(one.tag, (one.text or "").strip()) for one in root.iter() if one.tag.partition("}")[2] not in names]
+
+    assert rest(alone) == rest(spread)
+    assert [path] == [str(found) for found in tmp_path.rglob("*.xml")]
+
+
+def test_machines_that_are_named_are_used_whoever_starts_the_node() -> None:
+    machines = Machines("10.0.0.1", ("10.0.0.2",))
+    by_hand = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/mine.xml"}
+    join_by_hand(by_hand, 5, machines)
+    launched: dict[str, str] = {}
+    enter_launched_run(launched, 5, False, machines)
+    assert by_hand["FASTRTPS_DEFAULT_PROFILES_FILE"] == launched["FASTRTPS_DEFAULT_PROFILES_FILE"] != "/mine.xml"
