@@ -69,7 +69,7 @@ def test_bag_says_what_was_offered(tmp_path: Path) -> None:
     ("qos", "words"),
     [
         (BEST_EFFORT, "its link is best effort, and DDS has lost messages"),
-        (Qos(history=3), "its link keeps 3 messages"),
+        (Qos(history=3), "its link keeps the last 3 only"),
         (Qos(), "is another program publishing"),
     ],
 )
