@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import psutil
@@ -38,9 +38,10 @@ def run_until(
     return caught.value, pids
 
 
-def shared_memory() -> set[str]:
-    """Files that Fast DDS leaves in shared memory."""
-    return {name for name in os.listdir("/dev/shm") if "fastrtps" in name or "fastdds" in name}
+def shared_memory(pids: Iterable[int]) -> set[str]:
+    """Files of Fast DDS in shared memory that these processes have open; other programs may have theirs."""
+    maps = [Path(f"/proc/{pid}/maps").read_text() for pid in pids]
+    return {line.split()[-1] for text in maps for line in text.splitlines() if "/dev/shm/fast" in line}
 
 
 def is_prefix(part: Recording, whole: Recording) -> bool:
@@ -55,14 +56,19 @@ def is_prefix(part: Recording, whole: Recording) -> bool:
 
 @pytest.mark.parametrize("victim", ["/plant", "/sensor", "/controller", "/actuator", "/recorder"])
 def test_killed_node(victim: str, tmp_path: Path) -> None:
-    before = shared_memory()
     bag = tmp_path / "bag"
-    error, pids = run_until(bag, lambda pids: os.kill(pids[victim], signal.SIGKILL), FOREVER)
+    shared: set[str] = set()
+
+    def kill(pids: dict[str, int]) -> None:
+        shared.update(shared_memory(pids.values()))
+        os.kill(pids[victim], signal.SIGKILL)
+
+    error, pids = run_until(bag, kill, FOREVER)
     assert isinstance(error, RunError)
     assert victim in error.where
     assert "SIGKILL" in error.found
     assert not [pid for pid in pids.values() if psutil.pid_exists(pid)]
-    assert shared_memory() <= before
+    assert not [path for path in shared if Path(path).exists()]
     recorded = read_bag(bag).recording()
     assert len(recorded.messages["filtered_error"]) > 10
     # Samples are written at once, messages when their tick is known: either may be ahead in a bag that was cut off.
