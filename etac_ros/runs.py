@@ -562,10 +562,9 @@ def run_over_ros(
         check_live(options.live)
     state = state_streams(scenario, live=options.live is not None)
     for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
-        (
-            schema_text(topic.type_name),
-            type_hash(topic.type_name),
-        )  # loads the definitions before the fork, where they cost nobody's start-up
+        # Loads the definitions before the fork, where they cost nobody's start-up.
+        schema_text(topic.type_name)
+        type_hash(topic.type_name)
     lease = take_domain(options.domain)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:

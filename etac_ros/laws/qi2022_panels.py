@@ -169,11 +169,4 @@ class SmLfpdWithPanels(SmLfpd):
 
     def __init__(self, parameters: SmLfpdWithPanelsParameters, ticks_per_second: int) -> None:
         super().__init__(parameters, ticks_per_second)
-        self._packed = np.concatenate(
-            [
-                parameters.packed(),
-                parameters.attitude_gain_nm,
-                parameters.rate_gain_nms,
-                parameters.packed_panels(),
-            ]
-        )
+        self._packed = np.concatenate([self._packed[:_PANELS], parameters.packed_panels()])

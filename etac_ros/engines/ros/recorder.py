@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rclpy.context import Context
@@ -40,6 +40,14 @@ class Sink(Protocol):
     def close(self) -> None:
         """Complete the bag."""
         ...
+
+
+def recorded_note(received: Mapping[str, Subscription], written: Mapping[str, Count]) -> dict[str, Any]:
+    """What a recorder's last note says beside any node's: counts by topic of what came and of what is in the bag."""
+    return {
+        "received": {topic: subscription.count.noted() for topic, subscription in received.items()},
+        "written": {topic: count.noted() for topic, count in written.items()},
+    }
 
 
 class RecorderNode(RunNode):
@@ -103,14 +111,7 @@ class RecorderNode(RunNode):
 
     def leave_note(self) -> dict[str, Any]:
         """Counts of what was received and of what was written."""
-        return {
-            **super().leave_note(),
-            "received": {
-                topic: [subscription.count.messages, subscription.count.cdr_bytes]
-                for topic, subscription in self._received.items()
-            },
-            "written": {topic: [count.messages, count.cdr_bytes] for topic, count in self._written.items()},
-        }
+        return super().leave_note() | recorded_note(self._received, self._written)
 
     def abort(self) -> None:
         """Keep what is there: messages whose tick nobody told any more go to the last tick that is known."""

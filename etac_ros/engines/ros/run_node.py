@@ -214,9 +214,7 @@ class RunNode:
             "pid": os.getpid(),
             "memory_kib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
             "sent": {
-                publisher.topic: [publisher.count.messages, publisher.count.cdr_bytes]
-                for publisher in self._publishers
-                if publisher.count.messages
+                publisher.topic: publisher.count.noted() for publisher in self._publishers if publisher.count.messages
             },
             "strangers": {
                 subscription.topic: subscription.strangers

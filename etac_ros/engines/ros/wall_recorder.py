@@ -14,7 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
 from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth
 from etac_ros.engines.ros.plan import RECORDER, Plan
-from etac_ros.engines.ros.recorder import Sink
+from etac_ros.engines.ros.recorder import Sink, recorded_note
 from etac_ros.engines.ros.wall_node import TimedNode
 from etac_ros.graph.graph import Link
 from etac_ros.graph.module import Window
@@ -84,14 +84,7 @@ class WallRecorderNode(TimedNode):
 
     def leave_note(self) -> dict[str, Any]:
         """Counts of what was received and of what was written."""
-        return {
-            **super().leave_note(),
-            "received": {
-                topic: [subscription.count.messages, subscription.count.cdr_bytes]
-                for topic, subscription in self._received.items()
-            },
-            "written": {topic: [count.messages, count.cdr_bytes] for topic, count in self._written.items()},
-        }
+        return super().leave_note() | recorded_note(self._received, self._written)
 
     def abort(self) -> None:
         """Keep what is there."""
