@@ -72,6 +72,17 @@ def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, pr
     return None
 
 
+def port_of_live(live: bool, port: int | None) -> int | None:
+    """Where a run is shown to Foxglove; None where it is not."""
+    if port is not None and not live:
+        raise ScenarioError(f"--live-port {port}", "is for --live", "", "add --live")
+    if not live:
+        return None
+    from etac_ros.bag.live import PORT
+
+    return PORT if port is None else port
+
+
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -116,6 +127,8 @@ Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", hel
 QuietS = Annotated[
     float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
 ]
+Live = Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")]
+LivePort = Annotated[int | None, typer.Option(min=1, max=65535, help="For --live; default: 8765.", show_default=False)]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
@@ -150,8 +163,9 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")] = False,
-    live_port: Annotated[int, typer.Option(min=1, max=65535, help="For --live.")] = 8765,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the run here as it happens; see --rate.")] = False,
+    live: Live = False,
+    live_port: LivePort = None,
     state_rate: Annotated[
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
@@ -174,30 +188,41 @@ def run(
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.outputs import console_beside
     from etac_ros.cli.run import RunRequest, run_and_show
+    from etac_ros.engines.ros.several_machines import machines_of
+    from etac_ros.runs import RosOptions
 
-    if state_rate == float("inf"):
-        raise ScenarioError("--state-rate inf", "is no rate", "samples a simulated second, or 0", "leave it out")
-    request = RunRequest(
-        scenario,
-        variant,
-        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
-        engine.value,
+    port = port_of_live(live, live_port)
+    if state_rate is not None:
+        if state_rate == float("inf"):
+            raise ScenarioError("--state-rate inf", "is no rate", "samples a simulated second, or 0", "leave it out")
+        if engine is Engine.inprocess and bag is None and port is None:
+            found = "is for the state in a bag, and by calls none is written unless --bag says where"
+            raise ScenarioError(f"--state-rate {state_rate:g}", found, "", "add --bag DIR, or leave it out")
+    options = RosOptions(
         processes.value,
-        baseline,
-        bag,
-        json,
         domain,
         record_windows,
         only,
         quiet_s,
         rate_of_clock(clock, rate, strict, priority),
         strict,
-        capture,
-        pace=rate if clock is ClockKind.sim else None,
-        priority=priority,
-        peers=peers,
-        interface=interface,
-        live=live_port if live else None,
+        capture is not None,
+        Path(capture) if capture else None,
+        rate if clock is ClockKind.sim else None,
+        priority,
+        machines_of(peers, interface),
+        port,
+    )
+    request = RunRequest(
+        scenario,
+        variant,
+        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
+        engine.value,
+        baseline,
+        bag,
+        json,
+        options,
+        watch,
     )
     run_and_show(request, console_beside(json, quiet))
 
