@@ -50,7 +50,7 @@ from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.plan import RealTime
@@ -59,8 +59,6 @@ _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
-_LOOKED_AHEAD_S = 0.1
-"""How far a run that is slowed down is computed ahead of what is shown [wall s]."""
 SCENARIO_ATTACHMENT = "scenario.yaml"
 _warm: set[str] = set()
 """Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
@@ -231,22 +229,6 @@ def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     """What the bag of a run in real time holds besides: what each node noted down."""
     own = [name for name in graph.modules if name not in graph.external]
     return tuple(TopicDescription(ledger_topic(name), TABLE_TYPE, "emulation") for name in own)
-
-
-def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
-    """Windows of a run that is slowed down: none reaches further ahead than one looks.
-
-    Raises
-    ------
-    ScenarioError
-        If the pace is none.
-    """
-    if pace is None:
-        return windows
-    if not 0.0 < pace < float("inf"):
-        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
-    longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
-    return WindowPolicy(min(windows.first, longest), longest)
 
 
 class Pace:
@@ -596,7 +578,8 @@ def run_over_ros(
     from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     began = time.perf_counter()
-    windows = short_windows(windows_of(scenario), options.pace, scenario.run.ticks_per_second)
+    windows = windows_of(scenario)
+    short_windows(windows, options.pace, scenario.run.ticks_per_second)  # refuses a pace that is none
     check_writable(bag)
     graph = checked_graph(scenario)
     wall = real_time(options, scenario)
@@ -617,6 +600,7 @@ def run_over_ros(
         options.quiet_s,
         wall,
         options.pace,
+        text=scenario.text,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

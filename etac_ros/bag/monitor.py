@@ -83,6 +83,8 @@ class Picture:
     ----------
     tick
         How far it is.
+    from_tick
+        From where on it has been seen: what happened on the air before, and histories, are not known.
     flows
         By link, in the order of the graph.
     fired
@@ -96,6 +98,7 @@ class Picture:
     """
 
     tick: int = 0
+    from_tick: int = 0
     flows: dict[str, Flow] = field(default_factory=dict)
     fired: dict[str, int] = field(default_factory=dict)
     errors_deg: dict[str, float] = field(default_factory=dict)
@@ -133,7 +136,7 @@ class Monitor:
         self._links = {link.topic: link for link in graph.links.values()}
         self._plants = {truth_topic(plant): plant for plant in graph.plants}
         self._mediums = {line: name for name, plan in graph.media.items() for line in plan.lines}
-        self._settled = dict.fromkeys(graph.media, 0)
+        self._settled = dict.fromkeys(graph.links, 0)
         self._busy_until_ns = dict.fromkeys(graph.media, 0)
         triggering = [name for name, module in graph.modules.items() if module.triggers]
         self._of_trigger = {
@@ -159,7 +162,7 @@ class Monitor:
             self.committed(self._plants[topic], *decode_truth(cdr))
         elif topic == AIR:
             for fate in from_rows(decode_truth(cdr)[1], list(self._graph.links)):
-                self._landed(fate)
+                self.landed(fate)
         else:
             return
         now = self._clock()
@@ -178,7 +181,7 @@ class Monitor:
         flow.payload_bytes = messages * link.wire.payload_bytes
         flow.cdr_bytes = messages * cdr_bytes
         flow.last_tick = tick
-        self._reached(tick)
+        self.reached(tick)
         if link.name in self._of_trigger.get(link.sender, ()):
             counts = [self.picture.flows[name].messages for name in self._of_trigger[link.sender]]
             self.picture.fired[link.sender] = max(counts)  # one message a link and instant
@@ -190,7 +193,7 @@ class Monitor:
         if not samples.shape[0]:
             return
         last = first + samples.shape[0] - 1
-        self._reached(last)
+        self.reached(last)
         if plant not in self.picture.errors_deg:
             return
         # The last sample of each place of the history is all that is kept.
@@ -202,7 +205,8 @@ class Monitor:
             if tick == last:
                 self.picture.errors_deg[plant] = error
 
-    def _landed(self, fate: Fate) -> None:
+    def landed(self, fate: Fate) -> None:
+        """Take note of what became of a frame on a medium."""
         medium = self._mediums.get(fate.link)
         if medium is None:
             return
@@ -218,14 +222,15 @@ class Monitor:
             traffic.waited_ns = fate.start_ns - fate.offered_ns
         else:
             traffic.lost += 1
-        if fate.attempt == 1 and not link_and_place(fate.link)[1]:
-            self._settled[medium] += 1
+        name, answers = link_and_place(fate.link)
+        if not answers:
+            self._settled[name] = max(self._settled[name], fate.sequence)
             self._count_waiting(medium)
 
     def _count_waiting(self, medium: str) -> None:
         links = (link.name for link in self._graph.links.values() if link.medium == medium)
-        sent = sum(self.picture.flows[name].messages for name in links)
-        self.picture.air[medium].waiting = max(0, sent - self._settled[medium])
+        waiting = (self.picture.flows[name].messages - self._settled[name] for name in links)
+        self.picture.air[medium].waiting = sum(max(0, count) for count in waiting)
 
     def _tick(self, log_time_ns: int) -> int:
         if self._wall is not None:
@@ -233,7 +238,8 @@ class Monitor:
         # Times of ticks are rounded down to a nanosecond, and steps within a tick are nanoseconds behind it.
         return (log_time_ns + 1) * self._graph.ticks_per_second // NANOSECONDS
 
-    def _reached(self, tick: int) -> None:
+    def reached(self, tick: int) -> None:
+        """Take note of how far the run is."""
         self.picture.tick = max(self.picture.tick, min(tick, self._graph.end_tick))
 
     def _place(self, tick: int) -> int:

@@ -480,16 +480,14 @@ def node(
     rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
+    live: Live = False,
+    live_port: LivePort = None,
     peers: Peers = None,
     interface: Interface = None,
 ) -> None:
     """Play one node of a run in this terminal."""
     from etac_ros.cli.nodes import play
 
-    if rate is not None and clock is ClockKind.sim:
-        raise ScenarioError(
-            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
-        )
     play(
         name,
         [str(params_file)],
@@ -500,6 +498,8 @@ def node(
         priority,
         peers,
         interface,
+        rate if clock is ClockKind.sim else None,
+        port_of_live(live, live_port),
     )
 
 
@@ -592,6 +592,28 @@ def play(
     from etac_ros.cli.show import make_console
 
     play_bag(bag, rate, domain, topic or (), everything, wait, make_console(), peers, interface)
+
+
+@app.command()
+def watch(
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="What runs; default: what the run says of itself.", autocompletion=complete.scenarios),
+    ] = None,
+    variant: Variant = None,
+    set_: Set = None,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or that of the one run on this machine.")
+    ] = None,
+    peers: Peers = None,
+    interface: Interface = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show a run that goes on elsewhere, as it happens; listens only."""
+    from etac_ros.cli.outputs import console_beside
+    from etac_ros.cli.watch import watch_run
+
+    watch_run(scenario, variant, set_ or (), domain, console_beside(None, quiet), peers, interface)
 
 
 def _version(wanted: bool) -> None:

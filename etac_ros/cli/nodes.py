@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 
+from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
@@ -31,6 +32,7 @@ from etac_ros.runs import (
 )
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
+from etac_ros.timing.windows import short_windows
 
 _KEY = "ros__parameters"
 
@@ -49,6 +51,8 @@ def play(
     priority: int = 0,
     peers: str | None = None,
     interface: str | None = None,
+    pace: float | None = None,
+    live: int | None = None,
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -66,6 +70,10 @@ def play(
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
     peers, interface
         As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
+    pace
+        As for :class:`~etac_ros.runs.RosOptions`, for the node that keeps time.
+    live
+        Likewise, for the recorder.
 
     Raises
     ------
@@ -86,7 +94,17 @@ def play(
     wall = real_time(RosOptions(only=name, rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     shown = parameters_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        scenario.build(),
+        windows,
+        quiet_s=quiet_s,
+        wall=wall,
+        pace=pace,
+        parameters=shown,
+        text=scenario.text,
+    )
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -98,15 +116,15 @@ def play(
             f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
             "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
         )  # fmt: skip
+    _check_who_can(plan, name, pace, live)
     directory = bag or Path()
     if name == RECORDER:
         directory = bag or free_bag_directory(scenario)
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = host_of(plan)(
-        plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state_streams(scenario), wall)
-    )
+    state = state_streams(scenario, live=live is not None) if name == RECORDER else None
+    host = host_of(plan)(plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state, wall, live))
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)
@@ -114,6 +132,24 @@ def play(
         print(f"{name}: {error}", file=sys.stderr)
         leave_process(1 if host.ended_by is None else 128 + host.ended_by)
     leave_process(0)
+
+
+def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) -> None:
+    """Refuse what only another node of the run can do."""
+    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+
+    keeper = plan.timekeeper_with or COORDINATOR
+    if pace is not None:
+        if name != keeper:
+            found = "in simulated time is for the node that keeps it, which the others follow"
+            raise ScenarioError(
+                f"{name}: --rate {pace:g}", found, "", f"give it to {keeper}, or add --clock wall to all"
+            )
+        short_windows(plan.windows, pace, plan.graph.ticks_per_second)  # refuses a pace that is none
+    if live is not None:
+        if name != RECORDER:
+            raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
+        check_live(live)
 
 
 def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:

@@ -77,7 +77,7 @@ class Screen:
         self._state = ""
         self._picture = picture
         now = time.monotonic()
-        self._reached.append((now, self._view.time_s))
+        self._reached.append((now, self.view.time_s))
         while len(self._reached) > 2 and now - self._reached[1][0] > _MOST_S:
             self._reached.popleft()
         self.refresh()
@@ -92,10 +92,11 @@ class Screen:
         if self._live is not None:
             self._live.update(self._drawn(), refresh=True)
         elif not self._console.quiet:
-            self._say(plain(self._view))
+            self._say(plain(self.view))
 
     @property
-    def _view(self) -> View:
+    def view(self) -> View:
+        """What is shown."""
         rate = math.nan
         if self._reached and self._reached[-1][0] - self._reached[0][0] > _LEAST_S:
             (began_s, from_s), (now_s, to_s) = self._reached[0], self._reached[-1]
@@ -105,5 +106,5 @@ class Screen:
     def _drawn(self) -> Text:
         width, height = self._console.size
         # One column less: some terminals wrap a line that fills them.
-        shown = lines(self._view, width - 1, height - 1, self._blocks)
+        shown = lines(self.view, width - 1, height - 1, self._blocks)
         return Text("\n".join(shown), no_wrap=True, overflow="crop")

@@ -54,6 +54,11 @@ class View:
         return self._s(self.picture.tick)
 
     @property
+    def from_s(self) -> float:
+        """Simulated time from which on it has been seen [s]."""
+        return self._s(self.picture.from_tick)
+
+    @property
     def end_s(self) -> float:
         """Simulated time at which the run ends [s]."""
         return self._s(self.graph.end_tick)
@@ -106,7 +111,8 @@ def _progress(view: View) -> str:
 
 
 def _head(view: View) -> str:
-    return f"{view.title}: {_progress(view)}"
+    seen = f", seen from {view.from_s:,.1f} s on" if view.picture.from_tick else ""
+    return f"{view.title}: {_progress(view)}{seen}"
 
 
 def _errors(view: View, width: int, blocks: str) -> Iterator[str]:
@@ -208,7 +214,7 @@ def _air(view: View, width: int) -> Iterator[str]:
 
 
 def _air_words(traffic: AirTraffic, view: View) -> tuple[str, ...]:
-    passed_ns = view.time_s * NANOSECONDS
+    passed_ns = (view.time_s - view.from_s) * NANOSECONDS
     busy = 100.0 * traffic.busy_ns / passed_ns if passed_ns else 0.0
     return (
         f"{busy:.3g} % busy",
