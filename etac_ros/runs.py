@@ -600,7 +600,7 @@ def run_over_ros(
         options.quiet_s,
         wall,
         options.pace,
-        text=scenario.text,
+        told=scenario.told,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

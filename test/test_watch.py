@@ -18,13 +18,19 @@ from etac_ros.timing.windows import USUAL_WINDOWS
 
 
 def told_by(scenario: Scenario) -> Told:
-    return Told("token", scenario.name, scenario.digest, "", scenario.text)
+    return Told("token", scenario.name, scenario.digest, "", scenario.told)
 
 
 def test_a_run_tells_what_it_is() -> None:
     for scenario in (load("xie2021", "radio", ["duration_s=3"]), load("qi2022", None, ["duration_s=2", "seed=7"])):
         assert watch._scenario_of(told_by(scenario), None).digest == scenario.digest
         assert watch._scenario_of(told_by(scenario), scenario) is scenario
+
+
+def test_what_is_no_scenario_is_refused() -> None:
+    for text in ("{", "[]", "{}", '{"/**": {"scenario": 1}}'):
+        with pytest.raises(ScenarioError, match="the run of 'x'"):
+            watch._scenario_of(Told("token", "x", "", "", text), None)
 
 
 def test_another_scenario_is_refused() -> None:

@@ -103,7 +103,7 @@ def play(
         wall=wall,
         pace=pace,
         parameters=shown,
-        text=scenario.text,
+        told=scenario.told,
     )
     name = "/" + name.strip("/")
     if name not in plan.nodes:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -22,7 +20,7 @@ from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import ScenarioError
 from etac_ros.plain_text import one_line
 from etac_ros.scenario.classes import ForeignClassError
-from etac_ros.scenario.load import Scenario, load
+from etac_ros.scenario.load import Scenario, load, load_told
 from etac_ros.scenario.trust import own_classes_only
 
 if TYPE_CHECKING:
@@ -122,18 +120,16 @@ def _scenario_of(told: Told, given: Scenario | None) -> Scenario:
                 "give them, or leave the scenario out",
             )
         return given
-    with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
-        path = Path(folder, "told.yaml")
-        path.write_text(told.text, encoding="utf-8")
-        try:
-            with own_classes_only():
-                seen = load(str(path))
-                assert seen.graph  # built in here, where no class of others is imported
-                return seen
-        except ForeignClassError:
-            raise ScenarioError(
-                f"the run of '{one_line(told.scenario)}'",
-                "has classes of others, which are not imported on a run's word",
-                "its scenario, if you trust it",
-                "etac watch FILE, with the run's --variant and --set",
-            ) from None
+    where = f"the run of '{one_line(told.scenario)}'"
+    try:
+        with own_classes_only():
+            seen = load_told(told.text, where)
+            assert seen.graph  # built in here, where no class of others is imported
+            return seen
+    except ForeignClassError:
+        raise ScenarioError(
+            where,
+            "has classes of others, which are not imported on a run's word",
+            "its scenario, if you trust it",
+            "etac watch FILE, with the run's --variant and --set",
+        ) from None

@@ -12,7 +12,7 @@ EMULATION = "/emulation"
 
 CLOCK = "/clock"
 SCENARIO = f"{EMULATION}/scenario"
-"""The complete parameter file of the run, for who listens."""
+"""The complete parameters of the run, for who listens."""
 JOIN = f"{EMULATION}/join"
 START = f"{EMULATION}/start"
 STOP = f"{EMULATION}/stop"

@@ -59,7 +59,7 @@ class Convener(RunNode):
         self._clock = self.publisher(Clock, CLOCK)
         # Nobody of the run hears it, so nobody waits for it, and it is not counted.
         self._scenario = self.ros_node.create_publisher(String, SCENARIO, LATCHED)
-        self._scenario.publish(self.note({**Convener._start_content(self), "clock": plan.clock, "text": plan.text}))
+        self._scenario.publish(self.note({**Convener._start_content(self), "clock": plan.clock, "text": plan.told}))
 
     def idle(self, patient: bool) -> None:
         """Called while nothing arrives: begins when all are there, and notices who has gone quiet.

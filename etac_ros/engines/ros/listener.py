@@ -38,7 +38,7 @@ _LAST_WORDS_S = 0.5
 
 @dataclass(frozen=True)
 class Told:
-    """What a run says of itself: name and digest of its scenario, its clock, and its complete parameter file."""
+    """What a run says of itself: name and digest of its scenario, its clock, and its complete parameters as JSON."""
 
     run: str
     scenario: str

@@ -65,8 +65,8 @@ class Plan:
     parameters
         What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
         it would make slower.
-    text
-        The complete parameter file, which is told to who listens.
+    told
+        The complete parameters of the run as JSON, for who listens.
     """
 
     scenario: str
@@ -79,7 +79,7 @@ class Plan:
     wall: RealTime | None = None
     pace: float | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
-    text: str = ""
+    told: str = ""
 
     @property
     def windows_ahead(self) -> WindowPolicy:
