@@ -47,6 +47,7 @@ from etac_ros.metrics.clocks import with_delayed_torques
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
+from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes
@@ -191,6 +192,17 @@ def _viewers(
         return Viewers(viewers)
 
     return make
+
+
+def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """What each node shows to ROS tools: the section of the whole run, and its own."""
+    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+    from etac_ros.engines.ros.public import flattened
+
+    sections = scenario.sections
+    of_all = dict(flattened(sections[EVERYWHERE]))
+    names = [*scenario.nodes, COORDINATOR, RECORDER]
+    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
 
 
 def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool = False) -> StateStreams | None:
@@ -430,6 +442,9 @@ class RosOptions:
         Those that the run is spread over; None keeps to this one.
     live
         Port on which the run is shown to Foxglove while it goes on, on this machine; None shows nothing.
+    parameters
+        Whether ROS tools may read the parameters of the nodes and hear on /rosout what they say, as of nodes that are
+        started by hand. Their services make the start slower.
     """
 
     processes: str = "node"
@@ -445,6 +460,7 @@ class RosOptions:
     priority: int = 0
     machines: Machines | None = None
     live: int | None = None
+    parameters: bool = False
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -517,7 +533,16 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     check_domain(options.domain, "--join")
     wall = real_time(options, scenario)
     windows = windows_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.graph, windows, quiet_s=options.quiet_s, wall=wall)
+    shown = parameters_of(scenario) if options.parameters else None
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        scenario.graph,
+        windows,
+        quiet_s=options.quiet_s,
+        wall=wall,
+        parameters=shown,
+    )
     if COORDINATOR in plan.part(options.only):
         return False
     warm_up(scenario)
@@ -600,6 +625,7 @@ def run_over_ros(
         options.quiet_s,
         wall,
         options.pace,
+        parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
     )
     extra: tuple[TopicDescription, ...] = ()

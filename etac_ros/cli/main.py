@@ -163,6 +163,9 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="Let ROS tools read the nodes' parameters and logs; starts slower.")
+    ] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show the run here as it happens; see --rate.")] = False,
     live: Live = False,
     live_port: LivePort = None,
@@ -212,6 +215,7 @@ def run(
         priority,
         machines_of(peers, interface),
         port,
+        parameters,
     )
     request = RunRequest(
         scenario,

@@ -9,9 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
-
-import yaml
+from typing import TYPE_CHECKING, NoReturn
 
 from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
@@ -25,16 +23,14 @@ from etac_ros.runs import (
     RosOptions,
     free_bag_directory,
     open_bag,
+    parameters_of,
     real_time,
     state_streams,
     warm_up,
     windows_of,
 )
-from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
 from etac_ros.timing.windows import short_windows
-
-_KEY = "ros__parameters"
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.count_check import Outcome
@@ -150,17 +146,6 @@ def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) 
         if name != RECORDER:
             raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
         check_live(live)
-
-
-def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """What each node shows to ROS tools: the section of the whole run, and its own."""
-    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
-    from etac_ros.engines.ros.public import flattened
-
-    sections = {name: section[_KEY] for name, section in yaml.safe_load(scenario.text).items()}
-    of_all = dict(flattened(sections.get(EVERYWHERE, {})))
-    names = [*scenario.nodes, COORDINATOR, RECORDER]
-    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:

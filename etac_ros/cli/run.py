@@ -168,6 +168,7 @@ def _check_by_calls(request: RunRequest) -> None:
         "--only": (options.only is not None, "is for --engine ros: by calls a run has no parts"),
         "--capture": (options.capture, "is for --engine ros: by calls nothing is on a wire"),
         "--peers": (options.machines is not None, "is for --engine ros: calls do not leave this machine"),
+        "--parameters": (options.parameters, "is for --engine ros: by calls there are no nodes to ask"),
         "--record-windows": (options.record_windows, "is for --engine ros: by calls no window is a message"),
     }
     for option, (is_given, why) in refused.items():

@@ -95,18 +95,20 @@ class Scenario:
     @property
     def text(self) -> str:
         """The complete parameter file of this run."""
-        return write_sections(self._sections)
+        return write_sections(self.sections)
 
     @property
     def told(self) -> str:
         """The same for who listens to a run, as JSON, which takes no time to write; :func:`load_told` reads it."""
-        return json.dumps(self._sections)
+        return json.dumps(self.sections)
 
     @property
-    def _sections(self) -> Any:
+    def sections(self) -> dict[str, dict[str, Any]]:
+        """The complete parameters of this run, by node; those of the whole run are of ``/**``."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
         # Without empty mappings: ROS's parser loses its place after one.
-        return _without_empty({EVERYWHERE: everywhere, **self.nodes})
+        kept: dict[str, dict[str, Any]] = _without_empty({EVERYWHERE: everywhere, **self.nodes})
+        return kept
 
     @property
     def digest(self) -> str:

@@ -63,8 +63,8 @@ class Plan:
         Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit, and concerns
         the coordinator alone.
     parameters
-        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
-        it would make slower.
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, unless they
+        are asked to, since it makes their start slower.
     told
         The complete parameters of the run as JSON, for who listens.
     """
