@@ -94,10 +94,10 @@ class ModuleNode(RunNode):
 
     def _hear(self, link: Link) -> None:
 
-        def on_message(message: Any, sequence: int) -> None:
-            stamp = stamp_ns(message) if self.worker.wants_stamps else None
+        def on_message(data: bytes, sequence: int) -> None:
+            stamp = stamp_ns(link.wire, data) if self.worker.wants_stamps else None
             tick = None if stamp is None else self._tick_of(stamp, link)
-            self.worker.on_message(link, sequence, decode(message), tick)
+            self.worker.on_message(link, sequence, decode(link.wire, data), tick)
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -120,8 +120,8 @@ class ModuleNode(RunNode):
         self.settle()
 
     def _see(self, plant: str) -> None:
-        def on_window(message: Any, sequence: int) -> None:
-            self.worker.on_window(*decode_window(message, plant))
+        def on_window(data: bytes, sequence: int) -> None:
+            self.worker.on_window(*decode_window(data, plant))
             self.settle()
 
         self.subscription(Float64MultiArray, window_topic(plant), on_window)
