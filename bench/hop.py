@@ -95,7 +95,7 @@ def instrumented(folder: Path) -> Iterator[None]:
     clock = Clock()
     places: list[tuple[Any, str, str]] = [
         (Publisher, "publish", "write"),
-        (Subscription, "take", "take"),
+        (Subscription, "take_one", "take"),
         (module_node, "decode", "decode"),
         (module_node, "decode_window", "decode"),
         (run_node, "read_note", "decode"),

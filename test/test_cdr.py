@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
 
-from etac_ros.graph.cdr import layout_of, read_table, read_text, write_table, write_text
+from etac_ros.bag.codec import decode, decode_truth
+from etac_ros.graph.cdr import layout_of, read_table, read_text, read_value, write_table, write_text
 from etac_ros.graph.truth import dimensions
 from etac_ros.graph.wire import ARRAY_DTYPES, SCALAR_FIELDS, Wire, WireFormat
 from etac_ros.parameters import FloatArray
@@ -65,15 +66,19 @@ def table_of(offset: int, head: FloatArray, rows: FloatArray, labels: tuple[str,
 @given(data=st.data(), wire=wires, stamp_ns=stamps)
 def test_a_value_is_written_as_the_library_writes_it_and_read_back(data: Any, wire: Wire, stamp_ns: int) -> None:
     value = data.draw(values(wire.size))
-    written = layout_of(wire).write(value, stamp_ns)
+    written = layout_of(wire.type_name, wire.size).write(value, stamp_ns)
     theirs = bytes(STORE.serialize_cdr(message_of(wire, value, stamp_ns), wire.type_name))
     assert written == theirs
-    back = layout_of(wire).read(theirs)
+    back = layout_of(wire.type_name, wire.size).read(theirs)
     assert back is not None
     assert back.tobytes() == value.tobytes()
     assert back.flags.aligned
     assert back.flags.writeable
-    assert layout_of(wire).read_stamp_ns(theirs) == (stamp_ns if wire.format is WireFormat.STAMPED else None)
+    stamp = stamp_ns if wire.format is WireFormat.STAMPED else None
+    assert layout_of(wire.type_name, wire.size).read_stamp_ns(theirs) == stamp
+    again = read_value(wire.type_name, theirs)
+    assert again is not None
+    assert again.tobytes() == value.tobytes()
 
 
 @given(data=st.data(), wire=wires, stamp_ns=stamps)
@@ -84,16 +89,18 @@ def test_what_another_wrote_differently_is_the_librarys_matter(data: Any, wire: 
     little = data.draw(st.booleans())
     theirs = bytes(STORE.serialize_cdr(message_of(wire, value, stamp_ns, frame), wire.type_name, little_endian=little))
     if not little or len(frame.encode()) > 3:
-        assert layout_of(wire).read(theirs) is None
-    assert messages.decode(wire, theirs).tobytes() == value.tobytes()
+        assert layout_of(wire.type_name, wire.size).read(theirs) is None
+    assert decode(wire.type_name, theirs).tobytes() == value.tobytes()
     assert messages.stamp_ns(wire, theirs) == (stamp_ns if wire.format is WireFormat.STAMPED else None)
 
 
 @pytest.mark.parametrize("wire", [Wire(WireFormat.COMPACT, 5), Wire(WireFormat.DOUBLE, 3)], ids=["array", "vector"])
 def test_a_message_that_was_cut_is_not_taken_for_a_value(wire: Wire) -> None:
-    whole = layout_of(wire).write(np.ones(wire.size), 0)
-    assert [layout_of(wire).read(whole[:length]) for length in range(len(whole))] == [None] * len(whole)
-    assert layout_of(wire).read(whole + b"\x00") is None
+    layout = layout_of(wire.type_name, wire.size)
+    whole = layout.write(np.ones(wire.size), 0)
+    assert [layout.read(whole[:length]) for length in range(len(whole))] == [None] * len(whole)
+    assert [read_value(wire.type_name, whole[:length]) for length in range(len(whole))] == [None] * len(whole)
+    assert layout.read(whole + b"\x00") is None
 
 
 def test_fewer_numbers_with_dimensions_are_no_value_of_the_same_length() -> None:
@@ -104,7 +111,7 @@ def test_fewer_numbers_with_dimensions_are_no_value_of_the_same_length() -> None
     message = STORE.types[wire.type_name](layout=layout, data=np.arange(3.0))
     theirs = bytes(STORE.serialize_cdr(message, wire.type_name))
     assert len(theirs) == wire.cdr_bytes
-    assert layout_of(wire).read(theirs) is None
+    assert layout_of(wire.type_name, wire.size).read(theirs) is None
 
 
 @given(
@@ -130,11 +137,10 @@ def test_a_table_is_written_as_the_library_writes_it_and_read_back(
 @pytest.mark.parametrize("little", [True, False])
 @pytest.mark.parametrize("labels", [("tick", "state"), ("row", "column"), ("ticks", "state")])
 def test_another_table_is_read_by_the_library(little: bool, labels: tuple[str, str]) -> None:
-    messages: Any = pytest.importorskip("etac_ros.engines.ros.messages")
     rows = np.arange(6.0).reshape(2, 3)
     theirs = bytes(STORE.serialize_cdr(table_of(1, np.array([7.0]), rows, labels), TABLE, little_endian=little))
     assert (read_table(theirs) is None) is (not little or labels != ("tick", "state"))
-    first, samples = messages.decode_truth(theirs)
+    first, samples = decode_truth(theirs)
     assert first == 7
     np.testing.assert_array_equal(samples, rows)
 

@@ -185,12 +185,14 @@ def fill(message: Any, values: dict[str, Any]) -> None:
      (WireFormat.STAMPED, 4), (WireFormat.STAMPED, 6)],
 )  # fmt: skip
 def test_an_example_is_the_message_that_it_says(kind: WireFormat, size: int) -> None:
-    from etac_ros.engines.ros.messages import decode, message_type
+    from etac_ros.bag.codec import decode
+    from etac_ros.engines.ros.messages import message_type
 
     wire = Wire(kind, size)
     message = message_type(wire)()
     fill(message, yaml.safe_load(example(wire)))
-    assert decode(wire, serialize_message(message)) == pytest.approx([0.1 * (place + 1) for place in range(size)])
+    sent = serialize_message(message)
+    assert decode(wire.type_name, sent) == pytest.approx([0.1 * (place + 1) for place in range(size)])
 
 
 def test_an_example_of_a_window_is_one() -> None:

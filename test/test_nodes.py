@@ -15,9 +15,10 @@ from std_msgs.msg import String
 from toy import toy
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.count_check import check_outcome
-from etac_ros.engines.ros.messages import decode, decode_truth, decode_window
+from etac_ros.engines.ros.messages import decode_window
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
 from etac_ros.graph.recording import Recording
@@ -55,7 +56,7 @@ def assert_recorded(world: World, by_calls: Recording) -> None:
         for (_, data, logged, published, _), message in zip(
             sorted(found, key=lambda one: one[4]), by_calls.messages[link.name], strict=True
         ):
-            np.testing.assert_array_equal(decode(link.wire, data), message.value)
+            np.testing.assert_array_equal(decode(link.wire.type_name, data), message.value)
             at = nanoseconds(message.tick, graph.ticks_per_second)
             assert (logged, published) == (log_time_ns(at, message.step), at)
     for plant in graph.plants:

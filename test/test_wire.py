@@ -75,13 +75,14 @@ def test_cdr_sizes_are_the_measured_ones(wire: Wire, type_name: str, cdr_bytes: 
 @pytest.mark.parametrize("wire", WIRES, ids=name)
 def test_cdr_sizes_are_those_of_ros(wire: Wire) -> None:
     serialization: Any = pytest.importorskip("rclpy.serialization")
-    from etac_ros.engines.ros.messages import decode, encode, message_type, stamp_ns
+    from etac_ros.bag.codec import decode
+    from etac_ros.engines.ros.messages import encode, message_type, stamp_ns
 
     value = wire.rounded(np.linspace(-1.0, 2.0, wire.size))
     sent = encode(wire, value, 3_000_000_007)
     serialized = serialization.serialize_message(serialization.deserialize_message(sent, message_type(wire)))
     assert len(sent) == len(serialized) == wire.cdr_bytes
-    assert decode(wire, serialized).tobytes() == value.tobytes()
+    assert decode(wire.type_name, serialized).tobytes() == value.tobytes()
     assert stamp_ns(wire, serialized) == (3_000_000_007 if wire.format is STAMPED else None)
 
 

@@ -9,14 +9,14 @@ the library. The tests hold both ways against it.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from struct import Struct
 from typing import NamedTuple
 
 import numpy as np
 
 from etac_ros.graph.truth import dimensions
-from etac_ros.graph.wire import ARRAY_DTYPES, Wire, WireFormat, bytes_a_component
+from etac_ros.graph.wire import ARRAY_DTYPES, LINK_TYPES, SCALAR_FIELDS, bytes_a_component, is_stamped
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.parameters import FloatArray
 
@@ -26,6 +26,8 @@ _STAMP = Struct("<iI")
 _UNFRAMED = b"\x01\x00\x00\x00\x00\x00\x00\x00"
 """An empty ``frame_id``, which is its closing zero, and what aligns the numbers behind it."""
 _NUMBER = Struct("<I")
+_ARRAY_COUNT = len(_BEGINNING) + 2 * _NUMBER.size
+"""Where an array without dimensions says how many numbers it has."""
 _LABELS = [axis.label.encode() + b"\x00" for axis in dimensions(0, 0)]
 _AXES = "".join(f"I{len(label)}s{-len(label) % 4}xII" for label in _LABELS)
 """Of each dimension: its label, with its length before it, its size and its stride."""
@@ -46,25 +48,36 @@ class NumberTable(NamedTuple):
 
 
 class ValueLayout:
-    """The message of one wire.
+    """The message that carries a value.
 
     Parameters
     ----------
-    wire
-        Its format and size.
+    type_name
+        One of :data:`~etac_ros.graph.wire.LINK_TYPES`.
+    size
+        Components of the value.
+
+    Raises
+    ------
+    ValueError
+        If the type carries no such value.
     """
 
-    def __init__(self, wire: Wire) -> None:
-        name = wire.type_name
-        self._dtype = "<f4" if bytes_a_component(name) == 4 else "<f8"
-        self._stamped = wire.format is WireFormat.STAMPED
-        self._size = wire.size
-        self._whole = wire.cdr_bytes
+    def __init__(self, type_name: str, size: int) -> None:
+        if type_name not in LINK_TYPES:
+            raise ValueError(f"no link carries {type_name}")
+        if type_name in SCALAR_FIELDS and len(SCALAR_FIELDS[type_name]) != size:
+            raise ValueError(f"{type_name} carries {len(SCALAR_FIELDS[type_name])} components, not {size}")
+        width = bytes_a_component(type_name)
+        self._dtype = f"<f{width}"
+        self._size = size
+        self._stamped = is_stamped(type_name)
         self._head = _BEGINNING
-        if name in ARRAY_DTYPES:
+        if type_name in ARRAY_DTYPES:
             # No dimensions, no offset, and how many numbers there are.
-            self._head += _aligned(_NUMBER.pack(0) + _NUMBER.pack(0) + _NUMBER.pack(wire.size), bytes_a_component(name))
+            self._head += _aligned(_NUMBER.pack(0) + _NUMBER.pack(0) + _NUMBER.pack(size), width)
         self._first = len(self._head) + self._stamped * (_STAMP.size + len(_UNFRAMED))
+        self._whole = self._first + width * size
 
     def write(self, value: FloatArray, stamp_ns: int) -> bytes:
         """Serialize a value that has been rounded to its wire.
@@ -97,10 +110,20 @@ class ValueLayout:
         return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
-@cache
-def layout_of(wire: Wire) -> ValueLayout:
-    """The layout of a wire, made once."""
-    return ValueLayout(wire)
+@lru_cache(maxsize=256)
+def layout_of(type_name: str, size: int) -> ValueLayout:
+    """The layout of a message type and size, made once."""
+    return ValueLayout(type_name, size)
+
+
+def read_value(type_name: str, data: bytes) -> FloatArray | None:
+    """The value in a message of any size, as :meth:`ValueLayout.read` does."""
+    if type_name in SCALAR_FIELDS:
+        return layout_of(type_name, len(SCALAR_FIELDS[type_name])).read(data)
+    if len(data) < _ARRAY_COUNT + _NUMBER.size or not data.startswith(_BEGINNING):
+        return None
+    (size,) = _NUMBER.unpack_from(data, _ARRAY_COUNT)
+    return layout_of(type_name, size).read(data) if size * bytes_a_component(type_name) < len(data) else None
 
 
 def write_table(offset: int, head: FloatArray, rows: FloatArray) -> bytes:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from importlib import import_module
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,12 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 from rclpy.type_support import check_for_type_support
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 
-from etac_ros.graph.cdr import NumberTable, layout_of, read_table, read_text, write_table, write_text
+from etac_ros.bag.codec import decode_table
+from etac_ros.graph.cdr import layout_of, read_text, write_table, write_text
 from etac_ros.graph.module import Window
-from etac_ros.graph.truth import DATA_OFFSET, unpack_truth
-from etac_ros.graph.wire import LINK_TYPES, SCALAR_FIELDS, Wire, WireFormat
+from etac_ros.graph.wire import LINK_TYPES, Wire, WireFormat
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.parameters import FloatArray
 
@@ -34,7 +33,6 @@ def _class(type_name: str) -> Any:
 
 
 _TYPES: dict[str, Any] = {name: _class(name) for name in LINK_TYPES}
-_SCALARS = {name: attrgetter(*fields) for name, fields in SCALAR_FIELDS.items()}
 
 
 def preload() -> None:
@@ -61,23 +59,14 @@ def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> bytes:
     stamp_ns
         Simulated time of sending [ns], for formats with a header.
     """
-    return layout_of(wire).write(value, stamp_ns)
-
-
-def decode(wire: Wire, data: bytes) -> FloatArray:
-    """The value in a serialized message, as contiguous float64."""
-    value = layout_of(wire).read(data)
-    if value is not None:
-        return value
-    message, scalars = deserialize_message(data, _TYPES[wire.type_name]), _SCALARS.get(wire.type_name)
-    return np.array(message.data if scalars is None else scalars(message), dtype=np.float64)
+    return layout_of(wire.type_name, wire.size).write(value, stamp_ns)
 
 
 def stamp_ns(wire: Wire, data: bytes) -> int | None:
     """Simulated time of sending [ns] that a stamped message carries; None for the other formats."""
     if wire.format is not WireFormat.STAMPED:
         return None
-    stamp = layout_of(wire).read_stamp_ns(data)
+    stamp = layout_of(wire.type_name, wire.size).read_stamp_ns(data)
     if stamp is not None:
         return stamp
     said = deserialize_message(data, _TYPES[wire.type_name]).header.stamp
@@ -91,29 +80,9 @@ def encode_window(window: Window, grant: int) -> bytes:
 
 def decode_window(data: bytes, plant: str) -> tuple[Window, int]:
     """A window and its grant."""
-    _, sizes, numbers = _table(data)
+    _, sizes, numbers = decode_table(data)
     epoch, start, grant = (int(number) for number in numbers[:_WINDOW_HEAD])
     return Window(plant, epoch, start, numbers[_WINDOW_HEAD:].reshape(sizes)), grant
-
-
-def encode_truth(first_tick: int, samples: FloatArray) -> bytes:
-    """Committed samples, laid out as :mod:`etac_ros.graph.truth` says."""
-    return write_table(DATA_OFFSET, np.array((first_tick,), dtype=np.float64), samples)
-
-
-def decode_truth(data: bytes) -> tuple[int, FloatArray]:
-    """Tick of the first committed sample, and the samples."""
-    table = _table(data)
-    return unpack_truth(table.numbers, table.offset, table.sizes)
-
-
-def _table(data: bytes) -> NumberTable:
-    table = read_table(data)
-    if table is not None:
-        return table
-    message = deserialize_message(data, Float64MultiArray)
-    sizes = tuple(dimension.size for dimension in message.layout.dim)
-    return NumberTable(message.layout.data_offset, sizes, np.array(message.data, dtype=np.float64))
 
 
 def write_note(content: Any, run: str) -> bytes:

@@ -10,12 +10,11 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.codec import decode, encode_truth
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import (
-    decode,
     decode_window,
     encode,
-    encode_truth,
     encode_window,
     message_type,
     stamp_ns,
@@ -97,7 +96,7 @@ class ModuleNode(RunNode):
         def on_message(data: bytes, sequence: int) -> None:
             stamp = stamp_ns(link.wire, data) if self.worker.wants_stamps else None
             tick = None if stamp is None else self._tick_of(stamp, link)
-            self.worker.on_message(link, sequence, decode(link.wire, data), tick)
+            self.worker.on_message(link, sequence, decode(link.wire.type_name, data), tick)
             self.settle()
 
         foreign = link.sender in self.plan.graph.external

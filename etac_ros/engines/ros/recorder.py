@@ -9,8 +9,9 @@ from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode_truth, encode_truth
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth, message_type
+from etac_ros.engines.ros.messages import decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.air import to_rows

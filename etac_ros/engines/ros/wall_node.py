@@ -11,8 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, Header
 
+from etac_ros.bag.codec import decode, encode_truth
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode, decode_window, encode, encode_truth, encode_window, message_type
+from etac_ros.engines.ros.messages import decode_window, encode, encode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.engines.ros.wall_time import Tie
@@ -159,7 +160,7 @@ class WallNode(TimedNode):
         graph = self.plan.graph
         for link in (*graph.sends[self.name], *graph.hears[self.name]):
             for _ in range(_ROUNDS):
-                decode(link.wire, encode(link.wire, np.zeros(link.wire.size), 0))
+                decode(link.wire.type_name, encode(link.wire, np.zeros(link.wire.size), 0))
 
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
@@ -215,7 +216,7 @@ class WallNode(TimedNode):
     def _hear(self, link: Link) -> Subscription:
         def on_message(data: bytes, sequence: int) -> None:
             sent = subscription.source_ns - self._tie.ahead_ns
-            self._take(link, sequence, decode(link.wire, data), sent, time.monotonic_ns())
+            self._take(link, sequence, decode(link.wire.type_name, data), sent, time.monotonic_ns())
 
         subscription = self._listen(link, on_message)
         return subscription

@@ -10,8 +10,9 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray
 
+from etac_ros.bag.codec import decode_truth, encode_truth
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth
+from etac_ros.engines.ros.messages import decode_window
 from etac_ros.engines.ros.plan import RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink, recorded_note
 from etac_ros.engines.ros.wall_node import TimedNode
