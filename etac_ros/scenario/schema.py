@@ -397,7 +397,7 @@ class RunSection(Parameters):
     truth_every: NonNegativeInt = Field(
         default=1, description="of the committed samples a bag keeps those at multiples of so many ticks; 0: none"
     )
-    bag_compression: Compression = Field(default=Compression.NONE, description="of the chunks of a bag")
+    bag_compression: Compression = Field(default=Compression.LZ4, description="of the chunks of a bag")
     links: dict[str, LinkSection]
     media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
     faults: dict[str, FaultSection] = Field(default={}, description="of the processes of nodes, by a name for each")
