@@ -27,7 +27,7 @@ from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.run_metadata import of_wall_clock
 from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
-from etac_ros.bag.topics import TopicDescription, recorded_topics
+from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
 from etac_ros.capture.kept import account_of, write_to_bag
@@ -38,11 +38,13 @@ from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.spool import TruthFile
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
+from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
@@ -155,11 +157,12 @@ def open_bag(
     state: StateStreams | None = None,
     wall: WallClock | None = None,
     live: int | None = None,
+    whole: TruthFile | None = None,
 ) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside.
 
     ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time, ``live`` the
-    port on which the run is shown while it is recorded.
+    port on which the run is shown while it is recorded, ``whole`` takes all committed samples where the bag does not.
     """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
@@ -170,7 +173,20 @@ def open_bag(
         extra += ledger_topics(scenario.graph)
         state = None if state is None else state_streams(scenario, wall, live is not None)
     show = None if live is None else partial(LiveView, name=scenario.name, port=live)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall, show)
+    return RunBag(
+        directory,
+        scenario.graph,
+        attachments,
+        metadata,
+        extra,
+        derive_with,
+        state,
+        wall,
+        show,
+        scenario.run.bag_compression,
+        scenario.run.truth_every,
+        whole,
+    )
 
 
 def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool = False) -> StateStreams | None:
@@ -341,7 +357,17 @@ def _simulated(
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
         metadata = bag_metadata(scenario, "inprocess")
-        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
+        write_recording(
+            bag,
+            graph,
+            recording,
+            metadata,
+            attachments,
+            derive_with,
+            state_streams(scenario),
+            scenario.run.bag_compression,
+            scenario.run.truth_every,
+        )
     summary = summarise(
         scenario,
         graph,
@@ -351,6 +377,8 @@ def _simulated(
         halted=engine.master.halted,
         bag=None if bag is None else str(bag),
     )
+    if bag is not None and scenario.run.truth_every != 1:
+        keep_in_bag(bag, summary)
     return Run(scenario, summary, recording, bag), engine.master.tick
 
 
@@ -565,6 +593,7 @@ def run_over_ros(
         # Loads the definitions before the fork, where they cost nobody's start-up.
         schema_text(topic.type_name)
         type_hash(topic.type_name)
+    whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
@@ -573,7 +602,7 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live),
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole),
                 on_progress,
                 on_start,
                 guard,
@@ -593,8 +622,13 @@ def run_over_ros(
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check = check_outcome if wall is None else check_wall_outcome
-    check(plan, outcome, {name: count.messages for name, count in counts.items()})
+    in_bag = {name: count.messages for name, count in counts.items()}
     recording = recorded.recording()
+    if whole is not None:
+        recording = replace(recording, truth=whole.truth(), every=1)
+        # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
+        in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
+    check(plan, outcome, in_bag)
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -612,6 +646,8 @@ def run_over_ros(
         bag=str(bag),
         stepped_s=_stepped_s(outcome.leave_notes),
     )
+    if whole is not None:
+        keep_in_bag(bag, summary)
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
 

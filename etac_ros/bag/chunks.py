@@ -19,10 +19,13 @@ class BagChunks(StoredChunks):
     ----------
     path
         The MCAP file, every byte of which has been checked.
+    every
+        Ticks from one sample to the next.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, every: int = 1) -> None:
         super().__init__()
+        self.every = every
         self._path = path
         self._offsets, self._chunks = array("q"), array("q")
 

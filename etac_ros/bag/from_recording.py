@@ -11,6 +11,7 @@ import numpy as np
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
+from etac_ros.bag.compression import Compression
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import link_topic, truth_topic
@@ -33,6 +34,8 @@ def write_recording(
     attachments: Mapping[str, bytes],
     derive_with: Graph | None = None,
     state: StateStreams | None = None,
+    compression: Compression = Compression.NONE,
+    every: int = 1,
 ) -> None:
     """Write all messages and all truth of a run, in the order in which things happened.
 
@@ -44,7 +47,7 @@ def write_recording(
         The graph that ran.
     recording
         What it left behind.
-    metadata, attachments, derive_with, state
+    metadata, attachments, derive_with, state, compression, every
         As for :class:`~etac_ros.bag.run_bag.RunBag`.
 
     Raises
@@ -56,7 +59,16 @@ def write_recording(
     # Each part is sorted by itself and made as it is needed: a long run need not stand in memory twice.
     parts = [*_messages(graph, recording), *_truth(graph, recording), iter(_air(graph, recording))]
     entries = heapq.merge(*parts, key=lambda entry: entry[0])
-    with RunBag(directory, graph, attachments, metadata, derive_with=derive_with, state=state) as writer:
+    with RunBag(
+        directory,
+        graph,
+        attachments,
+        metadata,
+        derive_with=derive_with,
+        state=state,
+        compression=compression,
+        every=every,
+    ) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
             published = tick_time_ns(tick, rate)
             writer.placed_until(published)  # they are sorted

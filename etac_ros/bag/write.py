@@ -12,6 +12,7 @@ from typing import Any, Self
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
+from etac_ros.bag.compression import Compression
 from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
 from etac_ros.bag.lock import give_back, take
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
@@ -64,6 +65,8 @@ class BagWriter:
         Files to keep with the run by name, the resolved scenario above all.
     metadata
         What is known of the run, as text by key; ``ticks_per_second`` must be there.
+    compression
+        Of the chunks.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class BagWriter:
         topics: Sequence[TopicDescription],
         attachments: Mapping[str, bytes],
         metadata: Mapping[str, str],
+        compression: Compression = Compression.NONE,
     ) -> None:
         check_writable(directory)
         try:
@@ -96,7 +100,7 @@ class BagWriter:
             claim(directory)
             self._file = self._mcap_path.open("xb")
             take(self._file)
-            self._mcap = self._begin(attachments)
+            self._mcap = self._begin(attachments, compression)
         except FileExistsError:
             raise _occupied(directory) from None
         except OSError as error:
@@ -178,13 +182,12 @@ class BagWriter:
     ) -> None:
         self.close()
 
-    def _begin(self, attachments: Mapping[str, bytes]) -> Any:
-        # The chunks are not compressed, as `ros2 bag record` does by default: recovery needs no decoder then.
+    def _begin(self, attachments: Mapping[str, bytes], compression: Compression) -> Any:
         # With the data checksum every single byte of a closed bag is checked, not those of the chunks alone.
         mcap: Any = Writer(
             self._file,
             chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.NONE,
+            compression=CompressionType[compression.name],
             enable_crcs=True,
             enable_data_crcs=True,
         )

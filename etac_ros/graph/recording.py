@@ -8,7 +8,9 @@ from hashlib import blake2b
 from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 
+from etac_ros.errors import BagError
 from etac_ros.graph.acknowledged import Event
 from etac_ros.graph.ledger import Entry
 from etac_ros.graph.ledger import Event as LedgerEvent
@@ -42,6 +44,9 @@ class Recording:
         By link name, in order of sequence number.
     truth
         Committed samples of each plant as (first tick, samples) chunks without gaps; of a very long run on disk.
+    every
+        Ticks from one sample to the next, where a bag keeps only a part of them (and the last); 0 where it keeps none.
+        Whatever needs all of them, :meth:`samples` above all, is refused then.
     air
         What became of frames on shared media, in the order in which it did.
     wall
@@ -52,6 +57,7 @@ class Recording:
 
     messages: dict[str, list[Message]] = field(default_factory=dict)
     truth: Mapping[str, Sequence[Chunk]] = field(default_factory=dict)
+    every: int = 1
     air: list[Fate] = field(default_factory=list)
     wall: WallClock | None = None
     ledgers: dict[str, list[Entry]] = field(default_factory=dict)
@@ -82,11 +88,14 @@ class Recording:
         return found.hexdigest()
 
     def span(self, plant: str) -> tuple[int, int]:
-        """Tick of the first committed sample of a plant, and how many there are."""
+        """Tick of the first committed sample of a plant, and how many ticks there are up to the last."""
         chunks = self.truth.get(plant) or ()
         if isinstance(chunks, StoredChunks):
             return chunks.first_tick, chunks.ticks
-        return (chunks[0][0], sum(samples.shape[0] for _, samples in chunks)) if chunks else (0, 0)
+        if not chunks:
+            return 0, 0
+        first, (last, samples) = chunks[0][0], chunks[-1]
+        return first, last + self.every * (samples.shape[0] - 1) + 1 - first
 
     def final(self, plant: str) -> FloatArray:
         """The last committed sample of a plant."""
@@ -110,6 +119,15 @@ class Recording:
         made: dict[tuple[str, str], object] = {}
         for chunk in _pieces(self.truth[plant]):
             yield replace(self, truth={**self.truth, plant: [chunk]}, _joined={}, _begins=begins, _made=made)
+
+    def kept(self, plant: str) -> tuple[npt.NDArray[np.int64], FloatArray]:
+        """Ticks and values of the committed samples that there are: all of them, unless a bag kept only a part."""
+        if self.every == 1:
+            first, states = self.samples(plant)
+            return np.arange(first, first + states.shape[0], dtype=np.int64), states
+        chunks = self.truth.get(plant) or [(0, _NONE)]
+        ticks = [first + self.every * np.arange(samples.shape[0], dtype=np.int64) for first, samples in chunks]
+        return np.concatenate(ticks), np.concatenate([samples for _, samples in chunks])
 
     def once(self, what: str, of: str, make: Callable[[], _Made]) -> _Made:
         """What follows from the messages alone, made once for all parts."""
@@ -150,7 +168,18 @@ class Recording:
         """All committed samples of a plant: the tick of the first, and an array of shape (n, states).
 
         Everybody who asks gets the same array: it is there to be read.
+
+        Raises
+        ------
+        BagError
+            If a bag kept only a part of them.
         """
+        if self.every != 1:
+            kept = f"keeps only every {self.every}th committed sample" if self.every else "keeps no committed samples"
+            raise BagError(
+                f"truth of {plant}", f"the bag {kept}", "all of them, for what follows from each",
+                "record the run without --truth",
+            )  # fmt: skip
         chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
         count, joined = self._joined.get(plant, (0, _NONE))
         if count != len(chunks):

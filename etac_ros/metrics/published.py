@@ -37,7 +37,18 @@ HOLD_ERROR = "hold error"
 
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
 _BEARS_NOT = frozenset(
-    {"published", "title", "baseline", "compare", "windows", "state_rate_hz", "dispersion", "tradeoff"}
+    {
+        "published",
+        "title",
+        "baseline",
+        "compare",
+        "windows",
+        "state_rate_hz",
+        "truth_every",
+        "bag_compression",
+        "dispersion",
+        "tradeoff",
+    }
 )
 """Keys of a scenario that change nothing of what is run."""
 

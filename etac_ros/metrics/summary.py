@@ -134,6 +134,17 @@ class MeasuredValue(_Figure):
     label: str = Field(default="", description="what the scenario calls it, where its name does not say it")
 
 
+class SampleFigures(_Model):
+    """All of a summary that follows from committed samples: what a bag keeps that does not keep these."""
+
+    final_state: dict[str, list[float]]
+    performance: dict[str, Performance]
+    watches: dict[str, list[Watched]]
+    samples: dict[str, int]
+    faults: dict[str, FaultAccount]
+    own: list[MeasuredValue]
+
+
 class PublishedValue(_Figure):
     """A figure of the paper."""
 
@@ -240,6 +251,7 @@ def summarise(
     halted: str = "",
     bag: str | None = None,
     stepped_s: float = 0.0,
+    of_samples: SampleFigures | None = None,
 ) -> Summary:
     """The summary of a recorded run.
 
@@ -257,6 +269,8 @@ def summarise(
         CDR bytes of each link's topic as raw subscriptions measured them; without it they are computed.
     stepped_s
         How far the wall clock was set during a run in real time [s].
+    of_samples
+        What follows from committed samples, where the recording does not have all of them.
     """
     topics = _link_topics(graph, recording, measured_cdr)
     for name, (kind, messages, size) in (plane or {}).items():
@@ -268,6 +282,7 @@ def summarise(
     published, reason = published_figures(scenario, graph), stands_beside_paper(scenario) or ""
     from_s = steady_from_s(scenario)
     steady = round(from_s * graph.ticks_per_second)
+    figures = of_samples or sample_figures(scenario, graph, recording)
     summary = Summary(
         scenario=scenario.name,
         variant=scenario.variant,
@@ -282,15 +297,15 @@ def summarise(
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
         holds=hold_accounts(graph, recording),
-        faults=fault_accounts(graph, recording),
+        faults=figures.faults,
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),
         wire=wire,
-        final_state={name: recording.final(name).tolist() for name in graph.plants},
-        performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
-        watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
-        samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
+        final_state=figures.final_state,
+        performance=figures.performance,
+        watches=figures.watches,
+        samples=figures.samples,
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         strangers=dict(strangers or {}),
@@ -298,10 +313,34 @@ def summarise(
         bag=bag,
         published=[] if reason else list(published_values(scenario, graph).values()),
         published_not=reason if published else "",
-        own=_own_figures(published, graph, recording),
+        own=figures.own,
         measured=[],
     )
     return with_measured(summary, None)
+
+
+def sample_figures(scenario: Scenario, graph: Graph, recording: Recording) -> SampleFigures:
+    """What follows from the committed samples of a run, which have to be all there.
+
+    Raises
+    ------
+    BagError
+        If they are not.
+    """
+    steady = round(steady_from_s(scenario) * graph.ticks_per_second)
+    return SampleFigures(
+        final_state={name: recording.final(name).tolist() for name in graph.plants},
+        performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
+        watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
+        samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
+        faults=fault_accounts(graph, recording),
+        own=_own_figures(published_figures(scenario, graph), graph, recording),
+    )
+
+
+def figures_of_samples(summary: Summary) -> SampleFigures:
+    """Those of a summary."""
+    return SampleFigures(**{name: getattr(summary, name) for name in SampleFigures.model_fields})
 
 
 def published_values(scenario: Scenario, graph: Graph) -> dict[FigureKey, PublishedValue]:
