@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from fake_ros import World
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 from toy import toy
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.count_check import check_outcome
-from etac_ros.engines.ros.messages import decode, decode_truth, decode_window, message_type
+from etac_ros.engines.ros.messages import decode_window
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
 from etac_ros.graph.recording import Recording
@@ -55,14 +56,14 @@ def assert_recorded(world: World, by_calls: Recording) -> None:
         for (_, data, logged, published, _), message in zip(
             sorted(found, key=lambda one: one[4]), by_calls.messages[link.name], strict=True
         ):
-            np.testing.assert_array_equal(decode(deserialize_message(data, message_type(link.wire))), message.value)
+            np.testing.assert_array_equal(decode(link.wire.type_name, data), message.value)
             at = nanoseconds(message.tick, graph.ticks_per_second)
             assert (logged, published) == (log_time_ns(at, message.step), at)
     for plant in graph.plants:
         first, samples = by_calls.samples(plant)
         following = first
         for _, data, logged, published, _ in [one for one in world.sink.written if one[0] == truth_topic(plant)]:
-            start, some = decode_truth(deserialize_message(data, Float64MultiArray))
+            start, some = decode_truth(data)
             assert start == following
             np.testing.assert_array_equal(some, samples[start - first : start - first + len(some)])
             following += len(some)
@@ -114,7 +115,7 @@ def test_windows_are_recorded_where_that_is_asked_for(monkeypatch: pytest.Monkey
     assert [one[1] for one in written] == said
     assert [one[4] for one in written] == list(range(1, len(said) + 1))
     for _, data, logged, published, _ in written:
-        window, _ = decode_window(deserialize_message(data, Float64MultiArray), "/plant")
+        window, _ = decode_window(data, "/plant")
         at = nanoseconds(window.start, 32)
         assert (logged, published) == (log_time_ns(at, 0), at)
     check_outcome(world.plan, outcome, world.sink.counts())
@@ -286,18 +287,13 @@ def test_truth_is_published_when_there_is_enough_of_it_or_time_has_passed(monkey
     while world.spinner.once(0.05):
         counts.append(len(published(truth_topic("/plant"))))
         world.clock.now += 0.3
-    sizes = [
-        len(decode_truth(deserialize_message(data, Float64MultiArray))[1]) for data in published(truth_topic("/plant"))
-    ]
+    sizes = [len(decode_truth(data)[1]) for data in published(truth_topic("/plant"))]
     assert len(sizes) > 3  # time passes, so that each window brings what was committed before
     assert sum(sizes) == 3201
     assert world.clock.now > before
     quiet = World(load("wu2018", None, ["duration_s=100"]), monkeypatch)
     quiet.run()
-    sizes = [
-        len(decode_truth(deserialize_message(data, Float64MultiArray))[1])
-        for data in quiet.bus.said(truth_topic("/plant"))
-    ]
+    sizes = [len(decode_truth(data)[1]) for data in quiet.bus.said(truth_topic("/plant"))]
     assert all(size >= 1024 for size in sizes[:-1])
     assert 1 < len(sizes) <= 4
     assert sum(sizes) == 3201

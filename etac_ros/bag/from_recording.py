@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import heapq
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import link_topic, truth_topic
 from etac_ros.graph import topics
 from etac_ros.graph.air import to_rows
-from etac_ros.graph.graph import Graph
+from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.truth import MOST_SAMPLES
 from etac_ros.media.frame import landing_tick
@@ -52,9 +53,9 @@ def write_recording(
         If the bag cannot be written.
     """
     rate = graph.ticks_per_second
-    entries = sorted(
-        _messages(graph, recording) + _truth(graph, recording) + _air(graph, recording), key=lambda entry: entry[0]
-    )
+    # Each part is sorted by itself and made as it is needed: a long run need not stand in memory twice.
+    parts = [*_messages(graph, recording), *_truth(graph, recording), iter(_air(graph, recording))]
+    entries = heapq.merge(*parts, key=lambda entry: entry[0])
     with RunBag(directory, graph, attachments, metadata, derive_with=derive_with, state=state) as writer:
         for (tick, step, _, sequence), topic, serialized in entries:
             published = tick_time_ns(tick, rate)
@@ -62,15 +63,16 @@ def write_recording(
             writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
 
 
-def _messages(graph: Graph, recording: Recording) -> list[_Entry]:
-    entries: list[_Entry] = []
-    for place, link in enumerate(graph.links.values()):
-        topic = link_topic(link)
-        for message in recording.messages.get(link.name, []):
-            stamp = tick_time_ns(message.tick, graph.ticks_per_second)
-            serialized = partial(encode, topic.type_name, message.value, stamp)
-            entries.append(((message.tick, message.step, place, message.sequence), topic.name, serialized))
-    return entries
+def _messages(graph: Graph, recording: Recording) -> list[Iterator[_Entry]]:
+    return [_of_link(graph, recording, place, link) for place, link in enumerate(graph.links.values())]
+
+
+def _of_link(graph: Graph, recording: Recording, place: int, link: Link) -> Iterator[_Entry]:
+    topic = link_topic(link)
+    for message in sorted(recording.messages.get(link.name, ()), key=lambda one: (one.tick, one.step, one.sequence)):
+        stamp = tick_time_ns(message.tick, graph.ticks_per_second)
+        serialized = partial(encode, topic.type_name, message.value, stamp)
+        yield (message.tick, message.step, place, message.sequence), topic.name, serialized
 
 
 def _air(graph: Graph, recording: Recording) -> list[_Entry]:
@@ -84,16 +86,17 @@ def _air(graph: Graph, recording: Recording) -> list[_Entry]:
     ]
 
 
-def _truth(graph: Graph, recording: Recording) -> list[_Entry]:
-    entries: list[_Entry] = []
-    for place, plant in enumerate(graph.plants):
-        topic = truth_topic(plant)
-        sequence = 0
-        for first, samples in recording.truth.get(plant, []):
-            for start in range(0, samples.shape[0], MOST_SAMPLES):
-                part = samples[start : start + MOST_SAMPLES]
-                last = first + start + part.shape[0] - 1
-                sequence += 1
-                serialized = partial(encode_truth, first + start, part)
-                entries.append(((last, AFTER_ALL_STEPS, len(graph.links) + place, sequence), topic.name, serialized))
-    return entries
+def _truth(graph: Graph, recording: Recording) -> list[Iterator[_Entry]]:
+    return [_of_plant(recording, len(graph.links) + place, plant) for place, plant in enumerate(graph.plants)]
+
+
+def _of_plant(recording: Recording, place: int, plant: str) -> Iterator[_Entry]:
+    topic = truth_topic(plant)
+    sequence = 0
+    for first, samples in recording.truth.get(plant, ()):
+        for start in range(0, samples.shape[0], MOST_SAMPLES):
+            part = samples[start : start + MOST_SAMPLES]
+            last = first + start + part.shape[0] - 1
+            sequence += 1
+            serialized = partial(encode_truth, first + start, part)
+            yield (last, AFTER_ALL_STEPS, place, sequence), topic.name, serialized

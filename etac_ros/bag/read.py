@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from etac_ros.bag.chunks import BagChunks
 from etac_ros.bag.clock import tick_of
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
@@ -22,6 +23,7 @@ from etac_ros.graph.air import from_rows
 from etac_ros.graph.ledger import Entry
 from etac_ros.graph.ledger import from_rows as from_ledger_rows
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.spool import KEPT_BYTES
 from etac_ros.graph.topics import node_of_ledger
 from etac_ros.media.frame import Fate
 from etac_ros.parameters import FloatArray
@@ -118,13 +120,20 @@ class Bag:
         air: list[tuple[int, list[Fate]]] = []
         wall = wall_clock(self.metadata)
         ledgers: dict[str, list[Entry]] = {}
-        for raw in self.messages():
+        contents = Contents(self.path)
+        large = {plant: BagChunks(self.path) for plant in truth if self._is_large(plant)}
+        widths: dict[str, int] = {}
+        for raw in contents.messages():
             topic = raw.topic
             try:
                 if topic.link is not None:
                     links[topic.link].append(self._message(raw))
                 elif topic.plant is not None:
-                    truth[topic.plant].append(self._samples(raw))
+                    first, samples = self._samples(raw)
+                    if topic.plant in large:
+                        self._take_note(large[topic.plant], topic.plant, first, samples, contents.place, widths)
+                    else:
+                        truth[topic.plant].append((first, samples))
                 elif topic.derived == AIR:
                     rows = decode_truth(raw.cdr)[1]
                     air.append((raw.sequence, from_rows(rows, list(links))))
@@ -142,7 +151,27 @@ class Bag:
         for plant, chunks in truth.items():
             self._check_continuous(f"truth of {plant}", chunks)
         fates = [fate for _, some in sorted(air, key=lambda item: item[0]) for fate in some]
-        return Recording(messages=links, truth=truth, air=fates, wall=wall, ledgers=ledgers), derived
+        return Recording(messages=links, truth={**truth, **large}, air=fates, wall=wall, ledgers=ledgers), derived
+
+    def _is_large(self, plant: str) -> bool:
+        return any(topic.plant == plant and count.cdr_bytes > KEPT_BYTES for topic, count in self.topics.items())
+
+    def _take_note(
+        self,
+        chunks: BagChunks,
+        plant: str,
+        first: int,
+        samples: FloatArray,
+        place: tuple[int, int],
+        widths: dict[str, int],
+    ) -> None:
+        """Remember where samples stand. So much is only ever recorded in order."""
+        if len(chunks):
+            self._check_joins(f"truth of {plant}", chunks.first_tick + chunks.ticks, first)
+            if samples.shape[1] != widths[plant]:
+                raise self._unfit(f"truth of {plant}", f"the number of states changes at tick {first}")
+        widths[plant] = samples.shape[1]
+        chunks.add(first, samples.shape[0], place)
 
     def _message(self, raw: RawMessage) -> Message:
         tick = tick_of(raw.tick_time_ns, self.ticks_per_second)
@@ -160,11 +189,13 @@ class Bag:
         """Put chunks in order, and make sure that they join."""
         chunks.sort(key=lambda chunk: chunk[0])
         for (first, samples), (following, next_samples) in pairwise(chunks):
-            due = first + samples.shape[0]
-            if following != due:
-                raise self._unfit(what, f"tick {following} stands where tick {due} should")
+            self._check_joins(what, first + samples.shape[0], following)
             if next_samples.shape[1] != samples.shape[1]:
                 raise self._unfit(what, f"the number of states changes at tick {following}")
+
+    def _check_joins(self, what: str, due: int, following: int) -> None:
+        if following != due:
+            raise self._unfit(what, f"tick {following} stands where tick {due} should")
 
     def _unfit(self, what: str, found: str) -> BagError:
         return BagError(f"{self.path}: {what}", found, "the messages of one run, each once, without gaps")

@@ -90,6 +90,8 @@ class RunBag:
         description = describe_run(graph, {d.node: d.columns for d in derived})
         self._held: deque[_Held] = deque()
         self._held_bytes = 0
+        self._led = False
+        """Whether messages stand before the next samples, in the open chunk."""
         self._placed_ns = -1
         self._ticks_per_second = graph.ticks_per_second
         self._state = state
@@ -117,6 +119,7 @@ class RunBag:
             self._held_bytes += len(cdr)
         else:
             self._put(topic, cdr, log_time_ns, publish_time_ns, sequence)
+            self._led = True
             if topic in self._to_plants:
                 self._note_input(topic, cdr, log_time_ns, publish_time_ns, sequence)
         self._release()
@@ -160,8 +163,9 @@ class RunBag:
         while self._held and (everything or self._may_go(self._held[0])):
             held = self._held.popleft()
             self._held_bytes -= len(held.cdr)
-            if len(held.cdr) > _LARGE_BYTES:
+            if len(held.cdr) > _LARGE_BYTES and self._led:
                 self._writer.flush()
+                self._led = False
             self._derive(held)
             self._put(*held[:5])
             if self._state is not None:

@@ -20,7 +20,9 @@ from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
 from etac_ros.bag.topics import TopicDescription, to_channel_metadata
 from etac_ros.errors import BagError
 
-_CHUNK_BYTES = 16 * 1024
+_CHUNK_BYTES = 128 * 1024
+"""The index at the end of a file has an entry a chunk, and whoever writes keeps it until then; a chunk also ends after
+half a second, and before anything is acknowledged."""
 _FLUSH_AFTER_S = 0.5
 _WANTED = "a bag directory that is not there yet, in a place that may be written to"
 

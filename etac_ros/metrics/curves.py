@@ -55,11 +55,7 @@ def dynamics(graph: Graph, plant: str) -> Plant:
 
 def last_tick(graph: Graph, recording: Recording) -> int:
     """The last tick that every plant has committed."""
-    ends = []
-    for plant in graph.plants:
-        first, states = recording.samples(plant)
-        ends.append(first + states.shape[0] - 1)
-    return int(min(ends))
+    return min(sum(recording.span(plant)) - 1 for plant in graph.plants)
 
 
 def bodies(graph: Graph) -> dict[str, tuple[str, Body]]:
@@ -105,8 +101,7 @@ def modes(graph: Graph, recording: Recording, plant: str) -> Curve:
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
     """What each input port of a plant held, as a staircase from the first committed tick to the last."""
-    first, states = recording.samples(plant)
-    last = first + states.shape[0] - 1
+    last = sum(recording.span(plant)) - 1
     curves = {}
     for port, held in replay.held_inputs(graph, recording, plant).items():
         until = np.searchsorted(held.ticks, last, side="right")
@@ -118,8 +113,7 @@ def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Cur
 
 def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
     """Integral of the squared held inputs of a plant [N^2 m^2 s] up to each of their steps; straight lines between."""
-    first, states = recording.samples(plant)
-    last = first + states.shape[0] - 1
+    last = sum(recording.span(plant)) - 1
     held = list(replay.held_inputs(graph, recording, plant).values())
     ticks = np.unique(np.concatenate([*(np.minimum(stairs.ticks, last) for stairs in held), [last]]))
     total = replay.energy_until(held, ticks, graph.ticks_per_second)

@@ -63,9 +63,9 @@ _LATCHED_READER = QoSProfile(
 """A reader that keeps one message would let the note of one node push out another's."""
 
 Callback = Callable[[Any, int], None]
-"""Takes a message (its bytes, or what was read of it) and its number on its publisher: 1, 2, ..."""
-Reader = Callable[[Any], Any]
-"""Reads a message; None for one that is not of this run."""
+"""Takes a serialized message (or what was read of it) and its number on its publisher: 1, 2, ..."""
+Reader = Callable[[bytes], Any]
+"""Reads a serialized message; None for one that is not of this run."""
 
 
 @dataclass
@@ -118,8 +118,8 @@ class Publisher:
         self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
 
     def publish(self, message: Any) -> int:
-        """Publish a message; returns its sequence number."""
-        serialized = serialize_message(message)
+        """Publish a message, serialized or not; returns its sequence number."""
+        serialized = message if isinstance(message, bytes) else serialize_message(message)
         # Counted first: a receiver may answer before this call returns.
         self.count.messages += 1
         self.count.cdr_bytes += len(serialized)
@@ -154,14 +154,12 @@ class Publisher:
 
 
 class Subscription:
-    """Receives one topic, in order, and notices a gap.
+    """Receives one topic, as bytes, in order, and notices a gap.
 
     Parameters
     ----------
     node, kind, topic, callback
         Owner, message class, topic name, and who takes the messages.
-    raw
-        Hand over serialized bytes.
     latched
         Also get the last message from before joining.
     shared
@@ -192,7 +190,6 @@ class Subscription:
         topic: str,
         callback: Callback,
         *,
-        raw: bool = False,
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
@@ -208,7 +205,6 @@ class Subscription:
         self._qos = qos
         self._node = node
         self._kind = kind
-        self._raw = raw
         self._read = read
         self._callbacks = [callback]
         self._continuous = not latched and not shared
@@ -217,7 +213,7 @@ class Subscription:
         self._base = 0
         self._matched = False
         wanted = _LATCHED_READER if latched else profile(qos)
-        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=raw)
+        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=True)
         self.handle = subscription.handle
 
     def also(self, callback: Callback) -> None:
@@ -240,30 +236,36 @@ class Subscription:
 
     def take(self) -> None:
         """Hand all waiting messages to the callback."""
-        while (taken := self.handle.take_message(self._kind, self._raw)) is not None:
-            message, info = taken
-            sequence = int(info["publication_sequence_number"])
-            if self._closed:
-                self.strangers += 1
-                continue
-            self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
-            if self.period is not None and not self.period[0] <= self.source_ns < self.period[1]:
-                self.strangers += 1
-                continue
-            size = len(message) if self._raw else 0
-            content = message if self._read is None else self._read(message)
-            if content is None:
-                self.strangers += 1
-                continue
-            if self._foreign and not self.count.messages:
-                self._base = sequence - 1
-            self.count.messages += 1
-            self.count.cdr_bytes += size
-            number = sequence - self._base
-            if self._continuous and number != self.count.messages:
-                raise self._gap(number)
-            for callback in self._callbacks:
-                callback(content, number)
+        while self.take_one():
+            pass
+
+    def take_one(self) -> bool:
+        """Hand a waiting message to the callback; False if none was there."""
+        taken = self.handle.take_message(self._kind, True)
+        if taken is None:
+            return False
+        data, info = taken
+        if self._closed:
+            self.strangers += 1
+            return True
+        self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
+        content = None
+        if self.period is None or self.period[0] <= self.source_ns < self.period[1]:
+            content = data if self._read is None else self._read(data)
+        if content is None:
+            self.strangers += 1
+            return True
+        sequence = int(info["publication_sequence_number"])
+        if self._foreign and not self.count.messages:
+            self._base = sequence - 1
+        self.count.messages += 1
+        self.count.cdr_bytes += len(data)
+        number = sequence - self._base
+        if self._continuous and number != self.count.messages:
+            raise self._gap(number)
+        for callback in self._callbacks:
+            callback(content, number)
+        return True
 
     def _gap(self, number: int) -> RunError:
         remedy = "is another program publishing on this topic in this ROS domain?"
@@ -344,8 +346,14 @@ class Spinner:
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
             return False
-        for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
-            subscription.take()
+        ends = [self._by_pointer[pointer] for pointer in ready]
+        if len(ends) > 1:
+            ends.sort(key=itemgetter(0))
+        for _, subscription in ends:
+            if self._gather_s:
+                subscription.take()
+            else:
+                subscription.take_one()  # to ask for a second takes time, and there seldom is one: else it is next
         return True
 
 

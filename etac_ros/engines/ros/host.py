@@ -41,6 +41,8 @@ _ROLL_CALL_S = 1.0
 _GATHER_S = 0.005
 """How long the recorder lets messages gather; nobody waits for it before the end."""
 _LOOK_S = 0.1
+_GLANCE_S = 0.01
+"""A loop that comes round more often than this looks around no more often."""
 
 
 def _nothing(tick: int, fired: Any) -> None:
@@ -258,6 +260,8 @@ class Host:
 
     def _look_around(self) -> None:
         now = time.monotonic()
+        if now - self._last_round < _GLANCE_S and self.ended_by is None:
+            return
         if now - self._last_round > fresh_s(self._plan.quiet_s):
             self._excuse(now)  # this process itself was stopped, or has computed
         self._last_round = now

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode_truth, encode_truth
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth, message_type
+from etac_ros.engines.ros.messages import decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.air import to_rows
@@ -143,27 +143,25 @@ class RecorderNode(RunNode):
 
         foreign = link.sender in self.plan.graph.external
         kind = message_type(link.wire)
-        self._received[link.topic] = self.subscription(
-            kind, link.topic, on_message, raw=True, foreign=foreign, qos=link.qos
-        )
+        self._received[link.topic] = self.subscription(kind, link.topic, on_message, foreign=foreign, qos=link.qos)
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
-            first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
+            first, samples = decode_truth(data)
             last = first + samples.shape[0] - 1
             self._tick = max(self._tick, last)
             self._write(topic, data, last, AFTER_ALL_STEPS, sequence)
             self.settle()
 
-        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _record_windows(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
-            window, _ = decode_window(deserialize_message(data, Float64MultiArray), topic)
+            window, _ = decode_window(data, topic)
             self._write(topic, data, window.start, 0, sequence)
             self.settle()
 
-        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _on_message_log(self, content: Any, sequence: int) -> None:
         self._log = content["log"]
@@ -184,7 +182,7 @@ class RecorderNode(RunNode):
         rows = to_rows(fates, list(self.plan.graph.links))
         for first in range(0, rows.shape[0], MOST_SAMPLES):
             self._air_tables += 1
-            cdr = bytes(serialize_message(encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])))
+            cdr = encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])
             self._write(AIR, cdr, told["tick"], AFTER_ALL_STEPS, self._air_tables)
 
     def _acknowledge(self) -> None:
