@@ -11,6 +11,8 @@ EMULATION = "/emulation"
 """Prefix of all topics that exist only because hardware is simulated here."""
 
 CLOCK = "/clock"
+SCENARIO = f"{EMULATION}/scenario"
+"""The complete parameters of the run, for who listens."""
 JOIN = f"{EMULATION}/join"
 START = f"{EMULATION}/start"
 STOP = f"{EMULATION}/stop"

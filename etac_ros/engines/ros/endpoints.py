@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -54,7 +54,7 @@ def profile(qos: Qos) -> QoSProfile:
     )
 
 
-_LATCHED_READER = QoSProfile(
+LATCHED_READER = QoSProfile(
     depth=1000,
     history=HistoryPolicy.KEEP_LAST,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -212,7 +212,7 @@ class Subscription:
         self._closed = foreign
         self._base = 0
         self._matched = False
-        wanted = _LATCHED_READER if latched else profile(qos)
+        wanted = LATCHED_READER if latched else profile(qos)
         subscription = node.create_subscription(kind, topic, _unused, wanted, raw=True)
         self.handle = subscription.handle
 
@@ -284,6 +284,21 @@ class Subscription:
         )
 
 
+class Taker(Protocol):
+    """What a loop serves."""
+
+    handle: Any
+    """Of a subscription of rclpy."""
+
+    def take(self) -> None:
+        """Take all messages that wait."""
+        ...
+
+    def take_one(self) -> bool:
+        """Take one of them; False if there was none."""
+        ...
+
+
 class Spinner:
     """Waits for messages of several subscriptions and hands them out, in one thread.
 
@@ -299,8 +314,8 @@ class Spinner:
     def __init__(self, context: Any, gather_s: float = 0.0) -> None:
         self._context = context
         self._gather_s = gather_s
-        self._subscriptions: list[Subscription] = []
-        self._by_pointer: dict[int, tuple[int, Subscription]] = {}
+        self._subscriptions: list[Taker] = []
+        self._by_pointer: dict[int, tuple[int, Taker]] = {}
         self._of_all: dict[str, Subscription] = {}
         self._services: dict[int, Any] = {}
         self._wait_set: Any = None
@@ -310,7 +325,7 @@ class Spinner:
         self._services |= {service.handle.pointer: service for service in services}
         self._wait_set = None
 
-    def add(self, subscription: Subscription) -> None:
+    def add(self, subscription: Taker) -> None:
         """Listen to one more subscription."""
         self._by_pointer[subscription.handle.pointer] = (len(self._subscriptions), subscription)
         self._subscriptions.append(subscription)

@@ -13,7 +13,7 @@ from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph, Link, Reliability
 from etac_ros.graph.topics import RECORDED, ledger_topic, next_topic, truth_topic, window_topic
 from etac_ros.timing.duties import Duties
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 _BY_HAND = "by hand"
 COORDINATOR = "/coordinator"
@@ -60,10 +60,13 @@ class Plan:
     wall
         How it runs in real time; None for simulated time.
     pace
-        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit, and concerns
+        the coordinator alone.
     parameters
-        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
-        it would make slower.
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, unless they
+        are asked to, since it makes their start slower.
+    told
+        The complete parameters of the run as JSON, for who listens.
     """
 
     scenario: str
@@ -76,6 +79,12 @@ class Plan:
     wall: RealTime | None = None
     pace: float | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
+    told: str = ""
+
+    @property
+    def windows_ahead(self) -> WindowPolicy:
+        """How far plants are asked to compute ahead; who does what, on which all agree, goes by ``windows``."""
+        return short_windows(self.windows, self.pace, self.graph.ticks_per_second)
 
     @property
     def clock(self) -> str:
