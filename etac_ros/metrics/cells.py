@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
 from etac_ros.metrics.fault_account import Excursion, FaultAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
@@ -91,6 +93,23 @@ FAULT_NOTE = (
     "missed: messages for the node that were lost to it; waited: that reached it when it went on; band: the largest "
     "error over the tenth of the run before"
 )
+
+
+def fault_notes(accounts: Mapping[str, FaultAccount]) -> tuple[str, ...]:
+    """What is to be said below the table of faults; more of them in real time."""
+    notes = [FAULT_NOTE]
+    for name, account in accounts.items():
+        if account.joined_s is not None and account.until_s is not None:
+            notes.append(
+                f"{name}: a process took its place at {account.until_s:.6g} s, and was in the run at "
+                f"{account.joined_s:.6g} s"
+            )
+        if account.unknown:
+            notes.append(
+                f"{name}: of {account.unknown:,} messages to and from {account.node} nobody knows whether it had taken "
+                "or noted them: the last account of a process that was killed is lost with it"
+            )
+    return tuple(notes)
 
 
 def fault_account_cells(account: FaultAccount) -> list[tuple[str, ...]]:
