@@ -199,11 +199,8 @@ def _accounts(summary: Summary, ticks_per_second: int) -> list[Table]:
         tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))
     if summary.faults:
         rows = tuple(Row((name, *cells)) for name, one in summary.faults.items() for cells in fault_account_cells(one))
-        tables.append(
-            Table(
-                "", ("fault", *FAULT_ACCOUNT), rows, fault_notes(summary.faults), frozenset(("node", "does", "plant"))
-            )
-        )
+        notes = fault_notes(summary.faults, summary.real_time is not None)
+        tables.append(Table("", ("fault", *FAULT_ACCOUNT), rows, notes, frozenset(("node", "does", "plant"))))
     return tables
 
 

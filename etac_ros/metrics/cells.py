@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from etac_ros.graph.faults import FaultKind
 from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
 from etac_ros.metrics.fault_account import Excursion, FaultAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
@@ -95,15 +96,13 @@ FAULT_NOTE = (
 )
 
 
-def fault_notes(accounts: Mapping[str, FaultAccount]) -> tuple[str, ...]:
-    """What is to be said below the table of faults; more of them in real time."""
+def fault_notes(accounts: Mapping[str, FaultAccount], in_real_time: bool) -> tuple[str, ...]:
+    """What is to be said below the table of faults; in real time more than what its columns are."""
     notes = [FAULT_NOTE]
     for name, account in accounts.items():
-        if account.joined_s is not None and account.until_s is not None:
-            notes.append(
-                f"{name}: a process took its place at {account.until_s:.6g} s, and was in the run at "
-                f"{account.joined_s:.6g} s"
-            )
+        if in_real_time and account.do is FaultKind.RESTART:
+            was = "never in the run" if account.joined_s is None else f"in the run at {account.joined_s:.6g} s"
+            notes.append(f"{name}: {account.node} was started again at {account.until_s:.6g} s, and was {was}")
         if account.unknown:
             notes.append(
                 f"{name}: of {account.unknown:,} messages to and from {account.node} nobody knows whether it had taken "

@@ -213,7 +213,9 @@ def fault_table(view: View) -> Table | None:
     ]
     if not any(found):
         return None
-    notes = dict.fromkeys(note for run in view.runs for note in fault_notes(run.summary.faults))
+    notes = dict.fromkeys(
+        note for run in view.runs for note in fault_notes(run.summary.faults, run.recording.wall is not None)
+    )
     return _of_runs("What faults cost", "fault", FAULT_ACCOUNT, view, found, tuple(f"{note}." for note in notes))
 
 
