@@ -527,13 +527,11 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
     for fault in scenario.graph.faults:
         where = f"--clock wall: fault {fault.name}"
         away = f"--set faults.{fault.name}=null, or simulated time"
-        if fault.kind is not FaultKind.STALL:
-            raise ScenarioError(where, f"is a {fault.kind.value}, of which only simulated time knows", "a stall", away)
         if options.only is not None or options.processes != "node":
-            found = "stops the process of one node, which has to have one, started with all others"
+            found = f"is done to the process of {fault.node}, which has to have one of its own, started with all others"
             raise ScenarioError(where, found, "--processes node, no --only, and no nodes started by hand", away)
         lasts = (fault.until_tick - fault.from_tick) / rate
-        if lasts >= options.quiet_s:
+        if fault.kind is FaultKind.STALL and lasts >= options.quiet_s:
             found = f"would stand still for {lasts:g} s, which ends a run after {options.quiet_s:g} s"
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
@@ -639,7 +637,7 @@ def run_over_ros(
     wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    stalls = () if wall is None else graph.faults
+    faults = () if wall is None else graph.faults
     played = graph
     if wall is not None:  # there the launcher sees to them
         graph = graph.in_real_time()
@@ -654,6 +652,7 @@ def run_over_ros(
         options.quiet_s,
         wall,
         options.pace,
+        faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
     )
@@ -682,7 +681,6 @@ def run_over_ros(
                 on_start,
                 guard,
                 options.machines,
-                stalls,
             )
             try:
                 outcome = launcher.run()

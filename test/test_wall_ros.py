@@ -143,7 +143,6 @@ def test_a_listener_gets_diagnostics_and_the_clock(tmp_path: Path, start: Start,
         (1.0, ["links.filtered_error.delay_ticks=2"], "--clock wall: links filtered_error: have an emulated delay"),
         (1.0, ["links.torque_command.loss=0.1"], "--clock wall: links torque_command: have an emulated delay"),
         (1.0, ["links.filtered_error.acknowledged={timeout_s: 1.0}"], "links filtered_error: have an emulated delay"),
-        (1.0, ["faults.x={at_s: 1.0, node: /sensor, do: kill}"], "--clock wall: fault x: is a kill, of which only"),
         (1.0, ["faults.x={at_s: 1.0, node: /sensor, do: stall, for_s: 90.0}"], "fault x: would stand still for 90 s"),
     ],
 )

@@ -147,7 +147,7 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
     try:
         with nullcontext() if trust else own_classes_only():
             scenario = _scenario(bag, found, load)
-            graph = scenario.build()
+            graph = scenario.build() if recording.wall is None else scenario.build().in_real_time()
     except ForeignClassError as foreign:
         scenario = _scenario(bag, found, read_resolved)
         graph, description = _without_classes(bag, found, recording, derived, foreign)

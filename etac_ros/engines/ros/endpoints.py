@@ -21,6 +21,7 @@ from rclpy.serialization import serialize_message
 
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import USUAL_QOS, Qos, Reliability
+from etac_ros.timing.membership import Succession
 
 DATA = QoSProfile(
     depth=4096,
@@ -140,6 +141,11 @@ class Publisher:
         """Whether anybody listens now."""
         return bool(self._publisher.get_subscription_count())
 
+    @property
+    def ends(self) -> int:
+        """How many subscriptions are matched; of processes that have died unseen, too."""
+        return int(self._publisher.get_subscription_count())
+
     def missing(self) -> str:
         """What is still missing here, in words."""
         there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
@@ -181,6 +187,9 @@ class Subscription:
     period
         Of a foreign publisher: when its messages count, by their source timestamps ``[from, until)`` [ns]. So all who
         hear it agree on which do.
+    succession
+        Numbers messages where faults let other processes take the place of the publisher's, or of this one; None where
+        both are the same from start to end.
     """
 
     def __init__(
@@ -202,6 +211,7 @@ class Subscription:
         self.source_ns = 0
         self.received_ns = 0
         self.period: tuple[int, int] | None = None
+        self.succession: Succession | None = None
         self._qos = qos
         self._node = node
         self._kind = kind
@@ -223,6 +233,10 @@ class Subscription:
     def open(self) -> None:
         """The run begins: from here on a foreign publisher's messages count."""
         self._closed = False
+
+    def expect_nobody(self) -> None:
+        """The publisher may be dead: it is not waited for."""
+        self._matched = True
 
     @property
     def matched(self) -> bool:
@@ -261,7 +275,12 @@ class Subscription:
         self.count.messages += 1
         self.count.cdr_bytes += len(data)
         number = sequence - self._base
-        if self._continuous and number != self.count.messages:
+        if self._continuous and self.succession is not None:
+            placed = self.succession.number(sequence, self.source_ns)
+            if placed is None:
+                raise self._gap(number)
+            number = placed
+        elif self._continuous and number != self.count.messages:
             raise self._gap(number)
         for callback in self._callbacks:
             callback(content, number)
