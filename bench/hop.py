@@ -31,7 +31,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.table import Table
 
-from etac_ros.engines.ros import coordinator, endpoints, host, launcher, module_node, run_node
+from etac_ros.engines.ros import coordinator, host, launcher, module_node, run_node
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.environment import enter_launched_run
@@ -50,7 +50,6 @@ LAYERS = {
     "master": "the time master and the worker's queues",
     "encode": "value or window to message",
     "note": "order or report to text",
-    "serialise": "message to CDR",
     "write": "CDR into DDS and onto its sockets",
 }
 ROUNDS = 2000
@@ -95,9 +94,8 @@ def instrumented(folder: Path) -> Iterator[None]:
     """Within: what processes of a run do is timed, since they are forked from this one; each leaves a file."""
     clock = Clock()
     places: list[tuple[Any, str, str]] = [
-        (endpoints, "serialize_message", "serialise"),
         (Publisher, "publish", "write"),
-        (Subscription, "take", "take"),
+        (Subscription, "take_one", "take"),
         (module_node, "decode", "decode"),
         (module_node, "decode_window", "decode"),
         (run_node, "read_note", "decode"),

@@ -28,7 +28,7 @@ from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.run_metadata import of_wall_clock
 from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
-from etac_ros.bag.topics import TopicDescription, recorded_topics
+from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
 from etac_ros.capture.kept import account_of, write_to_bag
@@ -39,11 +39,13 @@ from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.spool import TruthFile
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
+from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
@@ -157,12 +159,14 @@ def open_bag(
     state: StateStreams | None = None,
     wall: WallClock | None = None,
     live: int | None = None,
+    whole: TruthFile | None = None,
     on_picture: OnPicture | None = None,
 ) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside.
 
     ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time, ``live`` the
-    port on which the run is shown while it is recorded; ``on_picture`` is given pictures of it, in this process.
+    port on which the run is shown while it is recorded, ``whole`` takes all committed samples where the bag does not;
+    ``on_picture`` is given pictures of it, in this process.
     """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
@@ -173,7 +177,20 @@ def open_bag(
         extra += ledger_topics(scenario.graph)
         state = None if state is None else state_streams(scenario, wall, live is not None)
     show = _viewers(scenario, live, on_picture, wall)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall, show)
+    return RunBag(
+        directory,
+        scenario.graph,
+        attachments,
+        metadata,
+        extra,
+        derive_with,
+        state,
+        wall,
+        show,
+        scenario.run.bag_compression,
+        scenario.run.truth_every,
+        whole,
+    )
 
 
 def _viewers(
@@ -377,7 +394,17 @@ def _simulated(
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
         metadata = bag_metadata(scenario, "inprocess")
-        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
+        write_recording(
+            bag,
+            graph,
+            recording,
+            metadata,
+            attachments,
+            derive_with,
+            state_streams(scenario),
+            scenario.run.bag_compression,
+            scenario.run.truth_every,
+        )
     summary = summarise(
         scenario,
         graph,
@@ -387,6 +414,8 @@ def _simulated(
         halted=engine.master.halted,
         bag=None if bag is None else str(bag),
     )
+    if bag is not None and scenario.run.truth_every != 1:
+        keep_in_bag(bag, summary)
     return Run(scenario, summary, recording, bag), engine.master.tick
 
 
@@ -498,13 +527,11 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
     for fault in scenario.graph.faults:
         where = f"--clock wall: fault {fault.name}"
         away = f"--set faults.{fault.name}=null, or simulated time"
-        if fault.kind is not FaultKind.STALL:
-            raise ScenarioError(where, f"is a {fault.kind.value}, of which only simulated time knows", "a stall", away)
         if options.only is not None or options.processes != "node":
-            found = "stops the process of one node, which has to have one, started with all others"
+            found = f"is done to the process of {fault.node}, which has to have one of its own, started with all others"
             raise ScenarioError(where, found, "--processes node, no --only, and no nodes started by hand", away)
         lasts = (fault.until_tick - fault.from_tick) / rate
-        if lasts >= options.quiet_s:
+        if fault.kind is FaultKind.STALL and lasts >= options.quiet_s:
             found = f"would stand still for {lasts:g} s, which ends a run after {options.quiet_s:g} s"
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
@@ -610,7 +637,7 @@ def run_over_ros(
     wall = real_time(options, scenario)
     warm_up(scenario)
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
-    stalls = () if wall is None else graph.faults
+    faults = () if wall is None else graph.faults
     played = graph
     if wall is not None:  # there the launcher sees to them
         graph = graph.in_real_time()
@@ -625,6 +652,7 @@ def run_over_ros(
         options.quiet_s,
         wall,
         options.pace,
+        faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
     )
@@ -638,6 +666,7 @@ def run_over_ros(
         # Loads the definitions before the fork, where they cost nobody's start-up.
         schema_text(topic.type_name)
         type_hash(topic.type_name)
+    whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
     try:
@@ -647,12 +676,11 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, outlet.take),
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
                 outlet.after(on_progress),
                 on_start,
                 guard,
                 options.machines,
-                stalls,
             )
             try:
                 outcome = launcher.run()
@@ -669,8 +697,13 @@ def run_over_ros(
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check = check_outcome if wall is None else check_wall_outcome
-    check(plan, outcome, {name: count.messages for name, count in counts.items()})
+    in_bag = {name: count.messages for name, count in counts.items()}
     recording = recorded.recording()
+    if whole is not None:
+        recording = replace(recording, truth=whole.truth(), every=1)
+        # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
+        in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
+    check(plan, outcome, in_bag)
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -688,6 +721,8 @@ def run_over_ros(
         bag=str(bag),
         stepped_s=_stepped_s(outcome.leave_notes),
     )
+    if whole is not None:
+        keep_in_bag(bag, summary)
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
 

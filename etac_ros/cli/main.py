@@ -144,6 +144,14 @@ class CommandWithCapture(TyperCommand):
         return super().parse_args(ctx, given)
 
 
+class Compress(StrEnum):
+    """How the chunks of a bag are compressed: as :class:`etac_ros.bag.compression.Compression`, which loads more."""
+
+    none = "none"
+    lz4 = "lz4"
+    zstd = "zstd"
+
+
 @app.command(cls=CommandWithCapture)
 def run(
     scenario: ScenarioName,
@@ -173,6 +181,16 @@ def run(
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
     ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="all|none|N",
+            help="Committed samples in the bag: all, none, or of every Nth tick; all messages stay.",
+        ),
+    ] = None,
+    compression: Annotated[
+        Compress | None, typer.Option(help="Of the bag's chunks; default: what the scenario says, else none.")
+    ] = None,
     quiet_s: QuietS = QUIET_S,
     capture: Annotated[
         str | None,
@@ -190,7 +208,7 @@ def run(
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.outputs import console_beside
-    from etac_ros.cli.run import RunRequest, run_and_show
+    from etac_ros.cli.run import RunRequest, run_and_show, ticks_of_truth
     from etac_ros.engines.ros.several_machines import machines_of
     from etac_ros.runs import RosOptions
 
@@ -220,7 +238,12 @@ def run(
     request = RunRequest(
         scenario,
         variant,
-        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
+        (
+            *(set_ or ()),
+            *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",)),
+            *(() if truth is None else (f"truth_every={ticks_of_truth(truth)}",)),
+            *(() if compression is None else (f"bag_compression={compression.value}",)),
+        ),
         engine.value,
         baseline,
         bag,

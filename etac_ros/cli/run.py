@@ -68,6 +68,23 @@ class RunRequest:
     watch: bool = False
 
 
+def ticks_of_truth(words: str) -> int:
+    """What ``--truth`` says, as the scenario's ``truth_every``.
+
+    Raises
+    ------
+    ScenarioError
+        If it says nothing of that kind.
+    """
+    if words in ("all", "none"):
+        return int(words == "all")
+    if not words.isdecimal() or int(words) < 1:
+        raise ScenarioError(
+            f"--truth {words}", "is none of its values", "all, none, or a number of ticks from one sample to the next"
+        )
+    return int(words)
+
+
 def run_and_show(request: RunRequest, console: Console) -> None:
     """Run what was asked for, show the tables, write the summary."""
     if request.engine == "ros":

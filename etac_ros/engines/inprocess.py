@@ -9,6 +9,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrival
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.spool import Spool
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Deliver, Fire, Look, MessageId, Open, Order, Report
@@ -39,9 +40,8 @@ class InProcess:
         before: Callable[[int], None] = lambda tick: None,
     ) -> None:
         self.master = TimeMaster(graph, windows)
-        self.recording = Recording(
-            messages={name: [] for name in graph.links}, truth={name: [] for name in graph.plants}
-        )
+        self._truth = {name: Spool() for name in graph.plants}
+        self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
         self._graph = graph
         self._trace = trace
         self.before = before
@@ -140,7 +140,7 @@ class InProcess:
     def _commit(self, plant: str, tick: int) -> None:
         start, samples = self._plant(plant).commit(tick)
         if samples.shape[0]:
-            self.recording.truth[plant].append((start, samples))
+            self._truth[plant].append((start, samples))
 
     def _arrival(self, receiver: str, message: MessageId) -> Arrival:
         return Arrival(self._graph.links[message.link].receivers[receiver], message.link, self._values[message])

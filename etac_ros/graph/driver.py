@@ -18,6 +18,7 @@ from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Module, Window
 from etac_ros.graph.promises import Component, are_finite, shown
+from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 
 Sent = list[tuple[Link, FloatArray]]
@@ -203,7 +204,7 @@ class Driver:
             where = f"{method}, port '{port}',"
             array = self._component.array((self.module.outputs[port],), where, value)
             rounded[port] = self._wires[port].rounded(array)
-            if not np.isfinite(rounded[port]).all() and are_finite(given):
+            if not all_finite(rounded[port]) and are_finite(given):
                 raise self._component.broken(where, f"sends {array.tolist()}", "finite numbers on the wire")
         if expected is not None and not self.module.halt and self._connected.intersection(rounded) != expected:
             names = ", ".join(sorted(map(repr, rounded))) or "nothing"

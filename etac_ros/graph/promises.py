@@ -15,6 +15,7 @@ import numpy as np
 
 import etac_ros
 from etac_ros.errors import BrokenPromise, EtacError
+from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Plant
 
@@ -81,7 +82,7 @@ class Component:
     def vector(self, size: int, method: str, *arguments: Any, **named: Any) -> FloatArray:
         """What a method returns, if it is a vector of a size, of numbers where it was given numbers."""
         value = self.array((size,), method, self.call(method, *arguments, **named))
-        if not np.isfinite(value).all() and are_finite((*arguments, *named.values())):
+        if not all_finite(value) and are_finite((*arguments, *named.values())):
             raise self.broken(method, f"returned {_listed(value)} for finite arguments", "finite numbers")
         return value
 
@@ -193,12 +194,12 @@ def _is_ours(file: str) -> bool:
 
 def are_finite(arguments: Sequence[Any]) -> bool:
     """Whether all arrays among some arguments are of numbers."""
-    return all(np.isfinite(each).all() for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
+    return all(all_finite(each) for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
 
 
 def first_broken(values: FloatArray, given: FloatArray) -> int | None:
     """First row that holds what is no number though its sample is one; None where there is none."""
-    if np.isfinite(values).all():
+    if all_finite(values):
         return None
     rows = np.flatnonzero(~np.isfinite(values).all(axis=1) & np.isfinite(given).all(axis=1))
     return int(rows[0]) if rows.size else None

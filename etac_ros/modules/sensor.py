@@ -13,6 +13,7 @@ from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import Signal
 from etac_ros.maths.compiled import kernel
+from etac_ros.maths.finite import all_finite
 from etac_ros.maths.noise import normals, stream_key
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
@@ -140,7 +141,7 @@ class Sensor(Module):
         last, watched, sent = self._memory
         assert last == tick
         for method, values in (("evaluate", watched), ("sent", sent)):
-            if not np.isfinite(values).all() and np.isfinite(sample).all():
+            if not all_finite(values) and all_finite(sample):
                 found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
                 raise self._component.broken(method, found, "finite numbers")
         return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}

@@ -33,6 +33,8 @@ _BEARS_NOT = {
     "compare",
     "windows",
     "state_rate_hz",
+    "truth_every",
+    "bag_compression",
     "variant",
     "dispersion",
     "tradeoff",

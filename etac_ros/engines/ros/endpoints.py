@@ -21,6 +21,7 @@ from rclpy.serialization import serialize_message
 
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import USUAL_QOS, Qos, Reliability
+from etac_ros.timing.membership import Succession
 
 DATA = QoSProfile(
     depth=4096,
@@ -63,9 +64,9 @@ LATCHED_READER = QoSProfile(
 """A reader that keeps one message would let the note of one node push out another's."""
 
 Callback = Callable[[Any, int], None]
-"""Takes a message (its bytes, or what was read of it) and its number on its publisher: 1, 2, ..."""
-Reader = Callable[[Any], Any]
-"""Reads a message; None for one that is not of this run."""
+"""Takes a serialized message (or what was read of it) and its number on its publisher: 1, 2, ..."""
+Reader = Callable[[bytes], Any]
+"""Reads a serialized message; None for one that is not of this run."""
 
 
 @dataclass
@@ -118,8 +119,8 @@ class Publisher:
         self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
 
     def publish(self, message: Any) -> int:
-        """Publish a message; returns its sequence number."""
-        serialized = serialize_message(message)
+        """Publish a message, serialized or not; returns its sequence number."""
+        serialized = message if isinstance(message, bytes) else serialize_message(message)
         # Counted first: a receiver may answer before this call returns.
         self.count.messages += 1
         self.count.cdr_bytes += len(serialized)
@@ -140,6 +141,11 @@ class Publisher:
         """Whether anybody listens now."""
         return bool(self._publisher.get_subscription_count())
 
+    @property
+    def ends(self) -> int:
+        """How many subscriptions are matched; of processes that have died unseen, too."""
+        return int(self._publisher.get_subscription_count())
+
     def missing(self) -> str:
         """What is still missing here, in words."""
         there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
@@ -154,14 +160,12 @@ class Publisher:
 
 
 class Subscription:
-    """Receives one topic, in order, and notices a gap.
+    """Receives one topic, as bytes, in order, and notices a gap.
 
     Parameters
     ----------
     node, kind, topic, callback
         Owner, message class, topic name, and who takes the messages.
-    raw
-        Hand over serialized bytes.
     latched
         Also get the last message from before joining.
     shared
@@ -183,6 +187,9 @@ class Subscription:
     period
         Of a foreign publisher: when its messages count, by their source timestamps ``[from, until)`` [ns]. So all who
         hear it agree on which do.
+    succession
+        Numbers messages where faults let other processes take the place of the publisher's, or of this one; None where
+        both are the same from start to end.
     """
 
     def __init__(
@@ -192,7 +199,6 @@ class Subscription:
         topic: str,
         callback: Callback,
         *,
-        raw: bool = False,
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
@@ -205,10 +211,10 @@ class Subscription:
         self.source_ns = 0
         self.received_ns = 0
         self.period: tuple[int, int] | None = None
+        self.succession: Succession | None = None
         self._qos = qos
         self._node = node
         self._kind = kind
-        self._raw = raw
         self._read = read
         self._callbacks = [callback]
         self._continuous = not latched and not shared
@@ -217,7 +223,7 @@ class Subscription:
         self._base = 0
         self._matched = False
         wanted = LATCHED_READER if latched else profile(qos)
-        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=raw)
+        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=True)
         self.handle = subscription.handle
 
     def also(self, callback: Callback) -> None:
@@ -227,6 +233,10 @@ class Subscription:
     def open(self) -> None:
         """The run begins: from here on a foreign publisher's messages count."""
         self._closed = False
+
+    def expect_nobody(self) -> None:
+        """The publisher may be dead: it is not waited for."""
+        self._matched = True
 
     @property
     def matched(self) -> bool:
@@ -240,30 +250,41 @@ class Subscription:
 
     def take(self) -> None:
         """Hand all waiting messages to the callback."""
-        while (taken := self.handle.take_message(self._kind, self._raw)) is not None:
-            message, info = taken
-            sequence = int(info["publication_sequence_number"])
-            if self._closed:
-                self.strangers += 1
-                continue
-            self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
-            if self.period is not None and not self.period[0] <= self.source_ns < self.period[1]:
-                self.strangers += 1
-                continue
-            size = len(message) if self._raw else 0
-            content = message if self._read is None else self._read(message)
-            if content is None:
-                self.strangers += 1
-                continue
-            if self._foreign and not self.count.messages:
-                self._base = sequence - 1
-            self.count.messages += 1
-            self.count.cdr_bytes += size
-            number = sequence - self._base
-            if self._continuous and number != self.count.messages:
+        while self.take_one():
+            pass
+
+    def take_one(self) -> bool:
+        """Hand a waiting message to the callback; False if none was there."""
+        taken = self.handle.take_message(self._kind, True)
+        if taken is None:
+            return False
+        data, info = taken
+        if self._closed:
+            self.strangers += 1
+            return True
+        self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
+        content = None
+        if self.period is None or self.period[0] <= self.source_ns < self.period[1]:
+            content = data if self._read is None else self._read(data)
+        if content is None:
+            self.strangers += 1
+            return True
+        sequence = int(info["publication_sequence_number"])
+        if self._foreign and not self.count.messages:
+            self._base = sequence - 1
+        self.count.messages += 1
+        self.count.cdr_bytes += len(data)
+        number = sequence - self._base
+        if self._continuous and self.succession is not None:
+            placed = self.succession.number(sequence, self.source_ns)
+            if placed is None:
                 raise self._gap(number)
-            for callback in self._callbacks:
-                callback(content, number)
+            number = placed
+        elif self._continuous and number != self.count.messages:
+            raise self._gap(number)
+        for callback in self._callbacks:
+            callback(content, number)
+        return True
 
     def _gap(self, number: int) -> RunError:
         remedy = "is another program publishing on this topic in this ROS domain?"
@@ -290,6 +311,10 @@ class Taker(Protocol):
 
     def take(self) -> None:
         """Take all messages that wait."""
+        ...
+
+    def take_one(self) -> bool:
+        """Take one of them; False if there was none."""
         ...
 
 
@@ -355,8 +380,14 @@ class Spinner:
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
             return False
-        for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
-            subscription.take()
+        ends = [self._by_pointer[pointer] for pointer in ready]
+        if len(ends) > 1:
+            ends.sort(key=itemgetter(0))
+        for _, subscription in ends:
+            if self._gather_s:
+                subscription.take()
+            else:
+                subscription.take_one()  # to ask for a second takes time, and there seldom is one: else it is next
         return True
 
 

@@ -17,13 +17,13 @@ from typing import Any
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.codec import decode_truth
 from etac_ros.bag.monitor import EVERY_S, Monitor, Picture
 from etac_ros.engines.ros.endpoints import DATA, LATCHED_READER, Spinner, profile
-from etac_ros.engines.ros.messages import decode_truth, message_type, open_note
+from etac_ros.engines.ros.messages import message_type, open_note
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.topics import END, LEAVE, MESSAGE_LOG, SCENARIO, START, STOP, truth_topic
@@ -58,9 +58,17 @@ class _Ear:
 
     def take(self) -> None:
         """Hand on what waits."""
-        while (taken := self.handle.take_message(self._kind, True)) is not None:
-            data, info = taken
-            self._hear(data, int(info["publication_sequence_number"]), info["source_timestamp"])
+        while self.take_one():
+            pass
+
+    def take_one(self) -> bool:
+        """Hand on the first that waits."""
+        taken = self.handle.take_message(self._kind, True)
+        if taken is None:
+            return False
+        data, info = taken
+        self._hear(data, int(info["publication_sequence_number"]), info["source_timestamp"])
+        return True
 
 
 class RunListener:
@@ -153,7 +161,7 @@ class RunListener:
 
     def _hear_notes(self, topic: str, hear: Callable[[dict[str, Any]], None], qos: Any = LATCHED_READER) -> None:
         def on_note(data: bytes, sequence: int, source_ns: int) -> None:
-            note = open_note(deserialize_message(data, String))
+            note = open_note(data)
             if note is not None and (self._told is None or note["run"] == self._told.run):
                 hear(note)
 
@@ -184,7 +192,7 @@ class RunListener:
         self._over = time.monotonic()
 
     def _on_truth(self, monitor: Monitor, plant: str, data: bytes, sequence: int, source_ns: int) -> None:
-        monitor.committed(plant, *decode_truth(deserialize_message(data, Float64MultiArray)))
+        monitor.committed(plant, *decode_truth(data))
 
     def _on_message(self, monitor: Monitor, link: Link, data: bytes, sequence: int, source_ns: int) -> None:
         tick = None if self._wall is None else max(0, self._wall.tick_at(source_ns))

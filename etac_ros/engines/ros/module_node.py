@@ -10,12 +10,11 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.codec import decode, encode_truth
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import (
-    decode,
     decode_window,
     encode,
-    encode_truth,
     encode_window,
     message_type,
     stamp_ns,
@@ -94,10 +93,10 @@ class ModuleNode(RunNode):
 
     def _hear(self, link: Link) -> None:
 
-        def on_message(message: Any, sequence: int) -> None:
-            stamp = stamp_ns(message) if self.worker.wants_stamps else None
+        def on_message(data: bytes, sequence: int) -> None:
+            stamp = stamp_ns(link.wire, data) if self.worker.wants_stamps else None
             tick = None if stamp is None else self._tick_of(stamp, link)
-            self.worker.on_message(link, sequence, decode(message), tick)
+            self.worker.on_message(link, sequence, decode(link.wire.type_name, data), tick)
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -120,8 +119,8 @@ class ModuleNode(RunNode):
         self.settle()
 
     def _see(self, plant: str) -> None:
-        def on_window(message: Any, sequence: int) -> None:
-            self.worker.on_window(*decode_window(message, plant))
+        def on_window(data: bytes, sequence: int) -> None:
+            self.worker.on_window(*decode_window(data, plant))
             self.settle()
 
         self.subscription(Float64MultiArray, window_topic(plant), on_window)
