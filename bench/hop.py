@@ -35,6 +35,7 @@ from etac_ros.engines.ros import coordinator, host, launcher, module_node, run_n
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.graph.cdr import ValueLayout
 from etac_ros.graph.driver import Driver
 from etac_ros.graph.plant import PlantModule
 from etac_ros.runs import RosOptions, Run, run_over_ros
@@ -96,7 +97,7 @@ def instrumented(folder: Path) -> Iterator[None]:
     places: list[tuple[Any, str, str]] = [
         (Publisher, "publish", "write"),
         (Subscription, "take_one", "take"),
-        (module_node, "decode", "decode"),
+        (ValueLayout, "read", "decode"),
         (module_node, "decode_window", "decode"),
         (run_node, "read_note", "decode"),
         (module_node, "encode", "encode"),

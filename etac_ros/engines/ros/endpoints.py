@@ -334,6 +334,7 @@ class Spinner:
         self._context = context
         self._gather_s = gather_s
         self._subscriptions: list[Taker] = []
+        self._handles: list[Any] = []
         self._by_pointer: dict[int, tuple[int, Taker]] = {}
         self._of_all: dict[str, Subscription] = {}
         self._services: dict[int, Any] = {}
@@ -348,6 +349,7 @@ class Spinner:
         """Listen to one more subscription."""
         self._by_pointer[subscription.handle.pointer] = (len(self._subscriptions), subscription)
         self._subscriptions.append(subscription)
+        self._handles.append(subscription.handle)
         self._wait_set = None
 
     def for_all(self, topic: str, make: Callable[[], Subscription], callback: Callback) -> Subscription:
@@ -367,8 +369,8 @@ class Spinner:
             )
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for subscription in self._subscriptions:
-            wait_set.add_subscription(subscription.handle)
+        for handle in self._handles:
+            wait_set.add_subscription(handle)
         for service in self._services.values():
             wait_set.add_service(service.handle)
         if self._gather_s:
@@ -381,9 +383,7 @@ class Spinner:
         if not ready:
             return False
         ends = [self._by_pointer[pointer] for pointer in ready]
-        if len(ends) > 1:
-            ends.sort(key=itemgetter(0))
-        for _, subscription in ends:
+        for _, subscription in sorted(ends, key=itemgetter(0)) if len(ends) > 1 else ends:
             if self._gather_s:
                 subscription.take()
             else:
