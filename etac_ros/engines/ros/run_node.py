@@ -94,6 +94,7 @@ class RunNode:
     ) -> Publisher:
         """A counting publisher of this node."""
         publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched, qos)
+        publisher.on_sent = self._spinner.sent
         self._publishers.append(publisher)
         return publisher
 
