@@ -25,7 +25,7 @@ BEFORE = 0.1
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
 
 class Excursion(_Model):

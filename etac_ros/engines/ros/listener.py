@@ -51,6 +51,7 @@ class _Ear:
     """A subscription that takes what comes, as bytes with the number on its publisher."""
 
     def __init__(self, node: Node, kind: type, topic: str, hear: Callable[[bytes, int, int], None], qos: Any) -> None:
+        self.topic = topic
         self._kind = kind
         self._hear = hear
         self._subscription = node.create_subscription(kind, topic, lambda message: None, qos, raw=True)

@@ -95,6 +95,7 @@ class RunNode:
         """A counting publisher of this node."""
         there = [name for name in listeners if self.plan.surely_there(name)]
         publisher = Publisher(self.ros_node, kind, topic, there, foreign, latched, qos)
+        publisher.on_sent = self._spinner.sent
         self._publishers.append(publisher)
         return publisher
 
