@@ -24,6 +24,7 @@ from etac_ros.metrics.cells import (
     PERFORMANCE_SHORT,
     WATCHED,
     acknowledgement_account_cells,
+    energy_heading,
     falls_short,
     fault_account_cells,
     fault_notes,
@@ -215,7 +216,8 @@ def _performance(summary: Summary) -> Table:
         runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
     rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
     note = f"error and rate at the end, * from {summary.steady_from_s:g} s on"
-    table = Table("", ("plant", *PERFORMANCE_SHORT), rows, (note,)).without_empty_columns()
+    columns = "plant", *PERFORMANCE_SHORT, energy_heading(runs.values())
+    table = Table("", columns, rows, (note,)).without_empty_columns()
     return table if len(table.columns) > 2 else replace(table, notes=())
 
 
