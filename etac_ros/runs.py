@@ -333,7 +333,8 @@ def _simulated(
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
-    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    engine = InProcess(graph, windows, before=wait, trimmed=True)
     started = time.perf_counter()
     recording = engine.run()
     ended = time.perf_counter()

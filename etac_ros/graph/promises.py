@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,9 @@ from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
+_FLOAT64 = np.dtype(np.float64)
+_SUMMED = 4096
+"""Numbers whose squares are summed at once: of more, the linear algebra would start threads."""
 
 
 Probe = Callable[["Component", str, tuple[Any, ...], Mapping[str, Any]], Any]
@@ -66,7 +70,13 @@ class Component:
         probe = _PROBE.get()
         if probe is not None:
             return probe(self, method, arguments, named)
-        return self.plain_call(method, arguments, named)
+        # As plain_call, which would cost another call.
+        try:
+            return getattr(self.owner, method)(*arguments, **named)
+        except EtacError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise failure(self.node, f"{self.name}.{method}", error) from error
 
     def plain_call(self, method: str, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
         """As :meth:`call`, whoever looks on."""
@@ -81,7 +91,7 @@ class Component:
     def vector(self, size: int, method: str, *arguments: Any, **named: Any) -> FloatArray:
         """What a method returns, if it is a vector of a size, of numbers where it was given numbers."""
         value = self.array((size,), method, self.call(method, *arguments, **named))
-        if not np.isfinite(value).all() and are_finite((*arguments, *named.values())):
+        if not all_finite(value) and are_finite((*arguments, *named.values())):
             raise self.broken(method, f"returned {_listed(value)} for finite arguments", "finite numbers")
         return value
 
@@ -101,6 +111,8 @@ class Component:
 
     def array(self, shape: tuple[int, ...], method: str, value: Any) -> FloatArray:
         """A value as a contiguous array of float64, if it is an array of numbers of a shape."""
+        if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == shape and value.flags.c_contiguous:
+            return value
         if not isinstance(value, np.ndarray) or value.dtype.kind not in _NUMBERS or value.shape != shape:
             raise self.broken(method, f"returned {shown(value)}", f"an array of floats of shape {shape}")
         return np.ascontiguousarray(value, dtype=np.float64)
@@ -191,14 +203,23 @@ def _is_ours(file: str) -> bool:
     return file.startswith((_OURS, "<frozen"))
 
 
+def all_finite(values: FloatArray) -> bool:
+    """Whether all are numbers. It is asked of every value that goes anywhere, and mostly they are."""
+    if values.size <= _SUMMED:
+        flat = values.ravel()
+        if math.isfinite(flat.dot(flat)):  # of what is no number, neither is the sum of squares
+            return True
+    return bool(np.isfinite(values).all())
+
+
 def are_finite(arguments: Sequence[Any]) -> bool:
     """Whether all arrays among some arguments are of numbers."""
-    return all(np.isfinite(each).all() for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
+    return all(all_finite(each) for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
 
 
 def first_broken(values: FloatArray, given: FloatArray) -> int | None:
     """First row that holds what is no number though its sample is one; None where there is none."""
-    if np.isfinite(values).all():
+    if all_finite(values):
         return None
     rows = np.flatnonzero(~np.isfinite(values).all(axis=1) & np.isfinite(given).all(axis=1))
     return int(rows[0]) if rows.size else None
