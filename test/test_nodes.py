@@ -18,9 +18,10 @@ from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.count_check import check_outcome
-from etac_ros.engines.ros.messages import decode_window
+from etac_ros.engines.ros.messages import decode_window, encode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Link
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
 from etac_ros.maths.ticks import nanoseconds
@@ -184,16 +185,27 @@ def test_what_has_no_place_when_it_is_cut_off_goes_to_the_last_tick_known(monkey
     assert world.sink.closed == 1
 
 
+def hear(world: World, link: Link, number: int) -> None:
+    """A message of a link comes to the recorder."""
+    end = world.recorder._received[link.topic]
+    end.handle.waiting.append((encode(link.wire, np.zeros(link.wire.size), 0), number, 0))
+    end.take()
+
+
 def test_truth_may_follow_up_to_before_what_is_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(scenario_of("wu2018"), monkeypatch)
     recorder = world.recorder
     link = next(iter(world.plan.graph.links.values()))
     recorder._on_message_log({"log": 1, "transits": [[link.name, 1, 5, 0], [link.name, 2, 9, 0]]}, 1)
-    assert world.sink.placed[-1] == nanoseconds(4, 32)
-    recorder._waiting[link.name, 1] = b"x"
-    recorder._sort_in(link.name, 1)
-    recorder._let_truth_follow()
-    assert world.sink.placed[-1] == nanoseconds(8, 32)
+    assert world.sinks == []
+    hear(world, link, 1)
+    assert world.sink.placed == []
+    hear(world, link, 2)
+    assert world.sink.placed == [nanoseconds(8, 32)]
+    hear(world, link, 3)  # its place is not known yet
+    assert world.sink.placed == [nanoseconds(8, 32)]
+    recorder._on_message_log({"log": 2, "transits": [[link.name, 3, 11, 0]]}, 2)
+    assert world.sink.placed == [nanoseconds(8, 32), nanoseconds(10, 32)]
 
 
 def test_a_message_log_is_acknowledged_once_all_of_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,10 +214,8 @@ def test_a_message_log_is_acknowledged_once_all_of_it_is_written(monkeypatch: py
     link = next(iter(world.plan.graph.links.values()))
     recorder._on_message_log({"log": 1, "transits": [[link.name, 1, 5, 0]]}, 1)
     assert world.bus.said("/emulation/recorded") == []
-    recorder._waiting[link.name, 1] = b"x"
-    recorder._sort_in(link.name, 1)
-    recorder._acknowledge()
-    recorder._acknowledge()
+    hear(world, link, 1)
+    hear(world, link, 2)  # of which no log has told: it is no reason to say it again
     recorder._on_message_log({"log": 2, "transits": []}, 2)
     assert [note(data)["is"] for data in world.bus.said("/emulation/recorded")] == [{"log": 1}, {"log": 2}]
 
@@ -231,7 +241,7 @@ def test_a_run_waits_for_a_recorder_that_is_left_behind(monkeypatch: pytest.Monk
     """It is told of its messages' places a log at a time, and the run is never more than four logs ahead."""
     scenario = load("wu2018", "periodic", ["duration_s=30", "sensor.trigger.period_s=0.03125"])
     world = World(scenario, monkeypatch)
-    monkeypatch.setattr(world.recorder, "_acknowledge", lambda: None)
+    monkeypatch.setattr(world.recorder, "_all_placed", lambda: None)
     monkeypatch.setattr("etac_ros.engines.ros.coordinator._LOG_MESSAGES", 50)
     world.join()
     world.spin()

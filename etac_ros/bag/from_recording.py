@@ -1,9 +1,9 @@
-"""Writing a bag from a recording in memory, for a run that no DDS carried."""
+"""Writing a bag from a recording in memory, for a run that no DDS carried; and showing it while it grows."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,9 +12,10 @@ import numpy as np
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns, tick_time_ns
 from etac_ros.bag.codec import encode, encode_truth
 from etac_ros.bag.compression import Compression
+from etac_ros.bag.live import Viewer
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.state import StateStreams
-from etac_ros.bag.topics import link_topic, truth_topic
+from etac_ros.bag.topics import TopicDescription, link_topic, truth_topic
 from etac_ros.graph import topics
 from etac_ros.graph.air import to_rows
 from etac_ros.graph.graph import Graph, Link
@@ -55,10 +56,6 @@ def write_recording(
     BagError
         If the bag cannot be written.
     """
-    rate = graph.ticks_per_second
-    # Each part is sorted by itself and made as it is needed: a long run need not stand in memory twice.
-    parts = [*_messages(graph, recording), *_truth(graph, recording), iter(_air(graph, recording))]
-    entries = heapq.merge(*parts, key=lambda entry: entry[0])
     with RunBag(
         directory,
         graph,
@@ -69,10 +66,67 @@ def write_recording(
         compression=compression,
         every=every,
     ) as writer:
-        for (tick, step, _, sequence), topic, serialized in entries:
-            published = tick_time_ns(tick, rate)
-            writer.placed_until(published)  # they are sorted
-            writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
+        _write(writer, graph, recording)
+
+
+class Follower:
+    """Shows a recording while a run makes it, as a recorder shows what it writes; no file is written.
+
+    Parameters
+    ----------
+    graph
+        What runs.
+    recording
+        What grows.
+    live
+        As for :class:`~etac_ros.bag.run_bag.RunBag`.
+    state
+        As for :class:`~etac_ros.bag.run_bag.RunBag`.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        recording: Recording,
+        live: Callable[[Sequence[TopicDescription]], Viewer],
+        state: StateStreams | None = None,
+    ) -> None:
+        self._graph = graph
+        self._recording = recording
+        self._bag = RunBag(None, graph, {}, {}, state=state, live=live)
+        self._messages = dict.fromkeys(graph.links, 0)
+        self._chunks = dict.fromkeys(graph.plants, 0)
+        self._fates = 0
+        """How much of each has been shown."""
+
+    def follow(self, tick: int) -> None:
+        """Show what has happened before a tick, which is being worked on."""
+        fresh = Recording(air=self._recording.air[self._fates :])
+        self._fates += len(fresh.air)
+        for name, shown in self._messages.items():
+            fresh.messages[name] = [one for one in self._recording.messages[name][shown:] if one.tick < tick]
+            self._messages[name] += len(fresh.messages[name])
+        truth = {}
+        for name, shown in self._chunks.items():
+            news = self._recording.truth[name][shown:]
+            truth[name] = [chunk for chunk in news if chunk[0] + chunk[1].shape[0] <= tick]
+            self._chunks[name] += len(truth[name])
+        fresh.truth = truth
+        _write(self._bag, self._graph, fresh)
+
+    def close(self) -> None:
+        """Show the rest, and no more."""
+        self.follow(self._graph.end_tick + 1)
+        self._bag.close()
+
+
+def _write(writer: RunBag, graph: Graph, recording: Recording) -> None:
+    # Each part is sorted by itself and made as it is needed: a long run need not stand in memory twice.
+    parts = [*_messages(graph, recording), *_truth(graph, recording), iter(_air(graph, recording))]
+    for (tick, step, _, sequence), topic, serialized in heapq.merge(*parts, key=lambda entry: entry[0]):
+        published = tick_time_ns(tick, graph.ticks_per_second)
+        writer.placed_until(published)  # they are sorted
+        writer.write(topic, serialized(), log_time_ns(published, step), published, sequence)
 
 
 def _messages(graph: Graph, recording: Recording) -> list[Iterator[_Entry]]:

@@ -17,7 +17,7 @@ from etac_ros.bag.codec import decode, decode_truth, encode_truth
 from etac_ros.bag.compression import Compression
 from etac_ros.bag.derived import derivations
 from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, describe_run, to_json
-from etac_ros.bag.live import LiveView
+from etac_ros.bag.live import Viewer
 from etac_ros.bag.run_metadata import TICKS_PER_SECOND, TRUTH_EVERY
 from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
@@ -42,6 +42,19 @@ class _Held(NamedTuple):
     since: float
 
 
+class _NoFile:
+    """Where nothing is kept."""
+
+    def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
+        """Keep nothing."""
+
+    def flush(self) -> None:
+        """Nothing is on its way."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
 class RunBag:
     """Writes the bag of one run.
 
@@ -52,7 +65,7 @@ class RunBag:
     Parameters
     ----------
     directory
-        Created by this.
+        Created by this; None writes no file, and only shows what would be in it.
     graph
         What runs.
     attachments, metadata
@@ -86,7 +99,7 @@ class RunBag:
 
     def __init__(
         self,
-        directory: Path,
+        directory: Path | None,
         graph: Graph,
         attachments: Mapping[str, bytes],
         metadata: Mapping[str, str],
@@ -94,7 +107,7 @@ class RunBag:
         derive_with: Graph | None = None,
         state: StateStreams | None = None,
         wall: WallClock | None = None,
-        live: Callable[[Sequence[TopicDescription]], LiveView] | None = None,
+        live: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
         compression: Compression = Compression.NONE,
         every: int = 1,
         whole: TruthFile | None = None,
@@ -123,13 +136,15 @@ class RunBag:
         shown = () if state is None else state.topics
         topics = (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived), *shown)
         thinned = {} if every == 1 else {TRUTH_EVERY: str(every)}
-        self._writer = BagWriter(
-            directory,
-            topics,
-            {**attachments, DESCRIPTION_ATTACHMENT: to_json(description)},
-            {**metadata, TICKS_PER_SECOND: str(graph.ticks_per_second), **thinned},
-            compression,
-        )
+        self._writer: BagWriter | _NoFile = _NoFile()
+        if directory is not None:
+            self._writer = BagWriter(
+                directory,
+                topics,
+                {**attachments, DESCRIPTION_ATTACHMENT: to_json(description)},
+                {**metadata, TICKS_PER_SECOND: str(graph.ticks_per_second), **thinned},
+                compression,
+            )
         self._live = None if live is None else live(topics)
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:

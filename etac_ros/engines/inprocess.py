@@ -28,7 +28,8 @@ class InProcess:
     trace
         Called with every order and its report; for tests and for teaching.
     before
-        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it.
+        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
+        attribute, too.
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class InProcess:
         self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
         self._graph = graph
         self._trace = trace
-        self._before = before
+        self.before = before
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
@@ -64,17 +65,21 @@ class InProcess:
         batches = self.master.run()
         orders = next(batches)
         while True:
-            self._before(self.master.tick)
+            self.before(self.master.tick)
             reports = [self._execute(order) for order in orders]
             try:
                 orders = batches.send(reports)
             except StopIteration:
                 break
+        self.log()
+        return self.recording
+
+    def log(self) -> None:
+        """Put into the recording what has been sent, and what has happened on the air, since the last time."""
         self.recording.air += self.master.take_air_log()
         for link, sequence, tick, step in self.master.take_message_log():
             value = self._values[MessageId(link, sequence)]
             self.recording.messages[link].append(Message(sequence, tick, step, value))
-        return self.recording
 
     def _execute(self, order: Order) -> Report:
         report = self._obey(order)

@@ -57,8 +57,8 @@ def _use_cache_folder() -> None:
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # made at import, from the environment
 
 
-_waiting: list[Callable[..., Any]] = []
-"""Functions for kernels of which numba does not know yet."""
+_waiting: list[Callable[[], None]] = []
+"""What numba is still to be told: of functions that kernels call, a call each."""
 
 
 def tell_numba() -> None:
@@ -69,10 +69,14 @@ def tell_numba() -> None:
     """
     if "numba" not in sys.modules or not _waiting:
         return
-    from numba.extending import register_jitable
-
     while _waiting:
-        register_jitable(_waiting.pop())
+        _waiting.pop()()
+
+
+def once_numba_is_there(tell: Callable[[], None]) -> None:
+    """Call this as soon as numba has been imported: it tells numba of something that kernels may call."""
+    _waiting.append(tell)
+    tell_numba()
 
 
 def import_numba() -> None:
@@ -96,8 +100,13 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a function that kernels call. It stays an ordinary Python function as well."""
-    _waiting.append(function)
-    tell_numba()
+
+    def tell() -> None:
+        from numba.extending import register_jitable
+
+        register_jitable(function)
+
+    once_numba_is_there(tell)
     return function
 
 

@@ -45,7 +45,7 @@ _LAST_PART = 0.4
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
 
 class Triggers(_Model):

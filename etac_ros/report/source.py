@@ -150,7 +150,7 @@ def read_run(bag: Path, trust: bool = False, shown: bool = False) -> ReportedRun
     try:
         with nullcontext() if trust else own_classes_only():
             scenario = _scenario(bag, found, load)
-            graph = scenario.build()
+            graph = scenario.build() if recording.wall is None else scenario.build().in_real_time()
     except ForeignClassError as foreign:
         scenario = _scenario(bag, found, read_resolved)
         graph, description = _without_classes(bag, found, recording, derived, foreign)
@@ -184,8 +184,8 @@ def read_run(bag: Path, trust: bool = False, shown: bool = False) -> ReportedRun
     if shown and not foreign_left_out and is_long(graph, recording):
         recording = with_peaks(graph, recording)
         left_out += (" " if left_out else "") + (
-            "This run is very long: curves show the largest and the smallest value of each of many spans, short ones at "
-            "first. Figures are those of all samples; what trigger rules compared and what is watched is left out."
+            "This run is very long: curves show the largest and the smallest value of each of many spans, which are "
+            "short at first. Figures are those of all samples; what trigger rules compared and what is watched is left out."
         )
     return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
 

@@ -60,7 +60,7 @@ class CoordinatorNode(Convener):
         on_progress: Progress,
     ) -> None:
         super().__init__(plan, spinner, context)
-        self.master = TimeMaster(plan.graph, plan.windows)
+        self.master = TimeMaster(plan.graph, plan.windows_ahead)
         self._dispatcher = Dispatcher(plan.graph, plan.duties, self.master, self._on_effect, self._on_step)
         self._plants = plants
         self._on_progress = on_progress

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -22,6 +22,7 @@ from rclpy.serialization import serialize_message
 
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import USUAL_QOS, Qos, Reliability
+from etac_ros.timing.membership import Succession
 
 DATA = QoSProfile(
     depth=4096,
@@ -55,7 +56,7 @@ def profile(qos: Qos) -> QoSProfile:
     )
 
 
-_LATCHED_READER = QoSProfile(
+LATCHED_READER = QoSProfile(
     depth=1000,
     history=HistoryPolicy.KEEP_LAST,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -145,6 +146,11 @@ class Publisher:
         """Whether anybody listens now."""
         return bool(self._publisher.get_subscription_count())
 
+    @property
+    def ends(self) -> int:
+        """How many subscriptions are matched; of processes that have died unseen, too."""
+        return int(self._publisher.get_subscription_count())
+
     def missing(self) -> str:
         """What is still missing here, in words."""
         there = [name_of(end) for end in self._node.get_subscriptions_info_by_topic(self.topic)]
@@ -186,6 +192,9 @@ class Subscription:
     period
         Of a foreign publisher: when its messages count, by their source timestamps ``[from, until)`` [ns]. So all who
         hear it agree on which do.
+    succession
+        Numbers messages where faults let other processes take the place of the publisher's, or of this one; None where
+        both are the same from start to end.
     """
 
     def __init__(
@@ -207,6 +216,7 @@ class Subscription:
         self.source_ns = 0
         self.received_ns = 0
         self.period: tuple[int, int] | None = None
+        self.succession: Succession | None = None
         self._qos = qos
         self._node = node
         self._kind = kind
@@ -217,7 +227,7 @@ class Subscription:
         self._closed = foreign
         self._base = 0
         self._matched = False
-        wanted = _LATCHED_READER if latched else profile(qos)
+        wanted = LATCHED_READER if latched else profile(qos)
         subscription = node.create_subscription(kind, topic, _unused, wanted, raw=True)
         self.handle = subscription.handle
 
@@ -228,6 +238,10 @@ class Subscription:
     def open(self) -> None:
         """The run begins: from here on a foreign publisher's messages count."""
         self._closed = False
+
+    def expect_nobody(self) -> None:
+        """The publisher may be dead: it is not waited for."""
+        self._matched = True
 
     @property
     def matched(self) -> bool:
@@ -266,7 +280,12 @@ class Subscription:
         self.count.messages += 1
         self.count.cdr_bytes += len(data)
         number = sequence - self._base
-        if self._continuous and number != self.count.messages:
+        if self._continuous and self.succession is not None:
+            placed = self.succession.number(sequence, self.source_ns)
+            if placed is None:
+                raise self._gap(number)
+            number = placed
+        elif self._continuous and number != self.count.messages:
             raise self._gap(number)
         for callback in self._callbacks:
             callback(content, number)
@@ -293,6 +312,22 @@ _OWN_IN_TURN = 64
 """Messages of this process to itself that are taken in turn before others are looked for."""
 
 
+class Taker(Protocol):
+    """What a loop serves."""
+
+    topic: str
+    handle: Any
+    """Of a subscription of rclpy."""
+
+    def take(self) -> None:
+        """Take all messages that wait."""
+        ...
+
+    def take_one(self) -> bool:
+        """Take one of them; False if there was none."""
+        ...
+
+
 class Spinner:
     """Waits for messages of several subscriptions and hands them out, in one thread.
 
@@ -313,13 +348,14 @@ class Spinner:
     def __init__(self, context: Any, gather_s: float = 0.0) -> None:
         self._context = context
         self._gather_s = gather_s
-        self._subscriptions: list[Subscription] = []
-        self._by_pointer: dict[int, tuple[int, Subscription]] = {}
+        self._subscriptions: list[Taker] = []
+        self._handles: list[Any] = []
+        self._by_pointer: dict[int, tuple[int, Taker]] = {}
         self._of_all: dict[str, Subscription] = {}
         self._services: dict[int, Any] = {}
         self._wait_set: Any = None
-        self._by_topic: dict[str, list[Subscription]] = {}
-        self._own: deque[Subscription] = deque()
+        self._by_topic: dict[str, list[Taker]] = {}
+        self._own: deque[Taker] = deque()
         """Those to which this process has sent something that they have not taken."""
         self._own_in_turn = 0
 
@@ -333,10 +369,11 @@ class Spinner:
         self._services |= {service.handle.pointer: service for service in services}
         self._wait_set = None
 
-    def add(self, subscription: Subscription) -> None:
+    def add(self, subscription: Taker) -> None:
         """Listen to one more subscription."""
         self._by_pointer[subscription.handle.pointer] = (len(self._subscriptions), subscription)
         self._subscriptions.append(subscription)
+        self._handles.append(subscription.handle)
         self._by_topic.setdefault(subscription.topic, []).append(subscription)
         self._wait_set = None
 
@@ -362,8 +399,8 @@ class Spinner:
             )
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for subscription in self._subscriptions:
-            wait_set.add_subscription(subscription.handle)
+        for handle in self._handles:
+            wait_set.add_subscription(handle)
         for service in self._services.values():
             wait_set.add_service(service.handle)
         if self._gather_s:
@@ -376,9 +413,7 @@ class Spinner:
         if not ready:
             return False
         ends = [self._by_pointer[pointer] for pointer in ready]
-        if len(ends) > 1:
-            ends.sort(key=itemgetter(0))
-        for _, subscription in ends:
+        for _, subscription in sorted(ends, key=itemgetter(0)) if len(ends) > 1 else ends:
             if self._gather_s:
                 subscription.take()
             else:

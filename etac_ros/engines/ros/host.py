@@ -102,6 +102,8 @@ class Host:
         Others of the run are started by hand, which may take its time, and nobody sees them die but their peers.
     supervised
         How the launcher that started this process sees it; None for a node started by hand.
+    on_begin
+        In real time: told the instant of tick 0 on the wall clock [ns], where the coordinator is played.
 
     Attributes
     ----------
@@ -117,6 +119,7 @@ class Host:
         on_progress: Progress = _nothing,
         patient: bool = True,
         supervised: Supervised | None = None,
+        on_begin: Callable[[int], None] = lambda start_ns: None,
     ) -> None:
         self._plan = plan
         self._names = names
@@ -124,6 +127,7 @@ class Host:
         self._on_progress = on_progress
         self._patient = patient
         self._supervised = supervised
+        self._on_begin = on_begin
         self.ended_by: int | None = None
         self._roll_call = 0.0
         self._next_look = 0.0

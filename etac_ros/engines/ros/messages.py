@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from etac_ros.bag.codec import decode_table
 from etac_ros.graph.cdr import layout_of, read_text, write_table, write_text
 from etac_ros.graph.module import Window
-from etac_ros.graph.wire import LINK_TYPES, Wire, WireFormat
+from etac_ros.graph.wire import LINK_TYPES, Wire
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.parameters import FloatArray
 
@@ -62,10 +62,8 @@ def encode(wire: Wire, value: FloatArray, stamp_ns: int) -> bytes:
     return layout_of(wire.type_name, wire.size).write(value, stamp_ns)
 
 
-def stamp_ns(wire: Wire, data: bytes) -> int | None:
-    """Simulated time of sending [ns] that a stamped message carries; None for the other formats."""
-    if wire.format is not WireFormat.STAMPED:
-        return None
+def stamp_ns(wire: Wire, data: bytes) -> int:
+    """Simulated time of sending [ns] that a message with a header carries."""
     stamp = layout_of(wire.type_name, wire.size).read_stamp_ns(data)
     if stamp is not None:
         return stamp
@@ -81,7 +79,7 @@ def encode_window(window: Window, grant: int) -> bytes:
 def decode_window(data: bytes, plant: str) -> tuple[Window, int]:
     """A window and its grant."""
     _, sizes, numbers = decode_table(data)
-    epoch, start, grant = (int(number) for number in numbers[:_WINDOW_HEAD])
+    epoch, start, grant = map(int, numbers[:_WINDOW_HEAD].tolist())
     return Window(plant, epoch, start, numbers[_WINDOW_HEAD:].reshape(sizes)), grant
 
 

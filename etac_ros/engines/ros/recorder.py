@@ -137,8 +137,8 @@ class RecorderNode(RunNode):
         def on_message(data: bytes, sequence: int) -> None:
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
-            self._let_truth_follow()
-            self._acknowledge()
+            if not self._places and self._log > self._acknowledged:
+                self._all_placed()
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -172,8 +172,8 @@ class RecorderNode(RunNode):
             self._tick = max(self._tick, tick)
             self._logged = max(self._logged, tick)
             self._sort_in(name, number)
-        self._let_truth_follow()
-        self._acknowledge()
+        if not self._places:
+            self._all_placed()
         self.settle()
 
     def _record_air(self, told: Any) -> None:
@@ -185,12 +185,13 @@ class RecorderNode(RunNode):
             cdr = encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])
             self._write(AIR, cdr, told["tick"], AFTER_ALL_STEPS, self._air_tables)
 
-    def _acknowledge(self) -> None:
-        """Tell the coordinator up to which message log all is safe, so that the run does not leave us behind."""
-        if self._log > self._acknowledged and not self._places:
-            self._bag().secure()  # first: what is acknowledged is not lost, whoever kills us
-            self._acknowledged = self._log
-            self._recorded.publish(self.note({"log": self._log}))
+    def _all_placed(self) -> None:
+        """Every message that was told of is in the bag: truth may follow, and the run need not wait for us."""
+        # Messages of the last tick may still be under way.
+        self._bag().placed_until(nanoseconds(self._logged - 1, self.plan.graph.ticks_per_second))
+        self._bag().secure()  # first: what is acknowledged is not lost, whoever kills us
+        self._acknowledged = self._log
+        self._recorded.publish(self.note({"log": self._log}))
 
     def _sort_in(self, name: str, number: int) -> None:
         """Write a message once both it and its place in time are here."""
@@ -198,12 +199,6 @@ class RecorderNode(RunNode):
         if key in self._waiting and key in self._places:
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
-
-    def _let_truth_follow(self) -> None:
-        """Say up to which tick every message is in the bag: before the last logged tick, and before any on its way."""
-        on_their_way = [tick for tick, _ in self._places.values()]
-        complete = min([self._logged, *on_their_way]) - 1
-        self._bag().placed_until(nanoseconds(complete, self.plan.graph.ticks_per_second))
 
     def _on_leave(self, content: Any, sequence: int) -> None:
         self._leave_notes[content["node"]] = content

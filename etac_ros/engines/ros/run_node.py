@@ -93,7 +93,8 @@ class RunNode:
         qos: Qos = USUAL_QOS,
     ) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched, qos)
+        there = [name for name in listeners if self.plan.surely_there(name)]
+        publisher = Publisher(self.ros_node, kind, topic, there, foreign, latched, qos)
         publisher.on_sent = self._spinner.sent
         self._publishers.append(publisher)
         return publisher
@@ -122,6 +123,8 @@ class RunNode:
             qos=qos,
             read=read,
         )
+        if not self.plan.surely_there(self.plan.sender_of(topic)):
+            subscription.expect_nobody()
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
         return subscription
@@ -165,23 +168,22 @@ class RunNode:
         return f"{sender}, a foreign node" if sender in self.plan.graph.external else sender
 
     def deserted(self) -> list[str]:
-        """Nodes that should send something to this one, and are not there."""
+        """Nodes that should send something to this one, and are not there, though no fault kills them."""
         topics = {subscription.topic for subscription in self._subscriptions if subscription.deserted()}
-        return sorted({self.plan.sender_of(topic) for topic in topics})
+        return sorted({self.plan.sender_of(topic) for topic in topics} - self.plan.mortals)
 
     def announce(self) -> None:
         """Tell the coordinator that this node is ready."""
-        self._joining.publish(
-            self.note(
-                {
-                    "node": self.name,
-                    "scenario": self.plan.scenario,
-                    "digest": self.plan.digest,
-                    "clock": self.plan.clock,
-                    "pid": os.getpid(),
-                }
-            )
-        )
+        words = {
+            "node": self.name,
+            "scenario": self.plan.scenario,
+            "digest": self.plan.digest,
+            "clock": self.plan.clock,
+            "pid": os.getpid(),
+        }
+        if self.plan.birth is not None:
+            words["incarnation"] = self.plan.birth.incarnation
+        self._joining.publish(self.note(words))
 
     def say_fault(self, text: str) -> None:
         """Tell the coordinator that this node has failed."""
