@@ -267,7 +267,9 @@ def _modelled(row: TopicRow) -> int | None:
 
 def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
     """What ``etac recover`` prints."""
-    report = recover(bag, output)
+    from etac_ros.runs import state_rest  # takes a while to load, which most commands need not
+
+    report = recover(bag, output, state_rest)
     if report.nothing_to_do:
         console.print(f"{report.bag}: is whole, nothing to do", soft_wrap=True)
         return
