@@ -405,7 +405,8 @@ def _simulated(
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
-    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    engine = InProcess(graph, windows, before=wait, trimmed=True)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -453,7 +454,8 @@ def _show(scenario: Scenario, engine: InProcess, viewers: Callable[[Sequence[Top
             engine.log()
             follower.follow(tick)
             told = time.perf_counter()
-        before(tick)
+        if before is not None:
+            before(tick)
 
     engine.before = look
     return follower
