@@ -15,7 +15,7 @@ from wall_network import WallNetwork
 
 from etac_ros.cli.compare_clocks import clocks_table, compare_clocks
 from etac_ros.cli.main import app
-from etac_ros.cli.nodes import parse_clock
+from etac_ros.cli.nodes import Options, parse_options
 from etac_ros.engines.ros.wall_time import Tie, check_priority
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
@@ -110,21 +110,31 @@ def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypat
     assert os.sched_getscheduler(0) == before
 
 
-def test_executables_take_the_clock() -> None:
-    assert parse_clock("sensor", ["--clock", "wall", "--rate", "20", "--ros-args", "-r", "__ns:=/pm"]) == (
-        20.0,
+def test_executables_take_the_options_of_etac_node() -> None:
+    assert parse_options("sensor", ["--clock", "wall", "--rate", "20", "--ros-args", "-r", "__ns:=/pm"]) == (
+        Options(rate=20.0),
         ["--ros-args", "-r", "__ns:=/pm"],
     )
-    assert parse_clock("sensor", ["--clock", "wall"]) == (1.0, [])
-    assert parse_clock("sensor", []) == (None, [])
+    assert parse_options("sensor", ["--clock", "wall"]) == (Options(rate=1.0), [])
+    assert parse_options("sensor", []) == (Options(), [])
+    assert parse_options("sensor", ["--peers", "10.0.0.2", "--interface", "eth0"]) == (
+        Options(peers="10.0.0.2", interface="eth0"),
+        [],
+    )
+    urgent = ["--strict", "--clock", "wall", "--priority", "10"]
+    assert parse_options("sensor", urgent) == (Options(rate=1.0, strict=True, priority=10), [])
     for wrong, said in (
         (["--clock"], "has no value"),
         (["--clock", "sundial"], "is no clock"),
-        (["--rate", "2"], "is for --clock wall"),
+        (["--rate", "2"], "--rate 2: is for --clock wall"),
+        (["--strict"], "--strict: is for --clock wall"),
+        (["--priority", "3"], "--priority 3: is for --clock wall"),
         (["--clock", "wall", "--rate", "fast"], "is no number"),
+        (["--clock", "wall", "--priority", "1.5"], "is no number"),
+        (["--peers"], "has no value"),
     ):
         with pytest.raises(ScenarioError, match=said):
-            parse_clock("sensor", wrong)
+            parse_options("sensor", wrong)
 
 
 def test_the_two_clocks_of_a_machine_are_tied_closely() -> None:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 import yaml
 
@@ -33,6 +33,7 @@ from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
 
 _KEY = "ros__parameters"
+_Number = TypeVar("_Number", int, float)
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.count_check import Outcome
@@ -179,9 +180,9 @@ def coordinator() -> None:
 def _main(executable: str) -> None:
     hold_standard_streams()
     try:
-        clock, arguments = parse_clock(executable, sys.argv[1:])
+        options, arguments = parse_options(executable, sys.argv[1:])
         name, params_files, bag = parse_arguments(executable, arguments)
-        play(name, params_files, bag, rate=clock)
+        play(name, params_files, bag, **options._asdict())
     except EtacError as error:
         print(f"{executable}: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, ScenarioError) else 1)
@@ -201,13 +202,31 @@ _USAGE = """\
                        those before
   --bag DIR            for the recorder: folder of the bag
   --clock wall         real time, with --rate R simulated seconds a second; the same for all nodes of a run
+  --strict             with --clock wall: end at the first missed tick of this node
+  --priority N         with --clock wall: real-time priority of this process (SCHED_FIFO), 1 to 99
+  --peers A,B, --interface I
+                       other machines of the run, and by which address this one takes part
   -r __ns:=, __node:=  which node of the scenario
 
   The domain is ROS_DOMAIN_ID. Logging options of ROS and --enclave are taken, and of no consequence."""
 
 
-def parse_clock(executable: str, arguments: Sequence[str]) -> tuple[float | None, list[str]]:
-    """The rate of a run in real time, None for simulated time; and the other arguments.
+class Options(NamedTuple):
+    """What an executable takes besides what ROS gives to any node; as :func:`play` has it."""
+
+    rate: float | None = None
+    strict: bool = False
+    priority: int = 0
+    peers: str | None = None
+    interface: str | None = None
+
+
+_OPTIONS = ("--clock", "--rate", "--priority", "--peers", "--interface")
+_FOR_REAL_TIME = ("--rate", "--strict", "--priority")
+
+
+def parse_options(executable: str, arguments: Sequence[str]) -> tuple[Options, list[str]]:
+    """The options that are not ROS's, the same as those of ``etac node``; and the other arguments.
 
     Raises
     ------
@@ -218,25 +237,34 @@ def parse_clock(executable: str, arguments: Sequence[str]) -> tuple[float | None
     others: list[str] = []
     words = iter(arguments)
     for word in words:
-        if word not in ("--clock", "--rate"):
+        if word == "--strict":
+            given[word] = ""
+        elif word not in _OPTIONS:
             others.append(word)
         elif (value := next(words, None)) is None:
             raise ScenarioError(f"{executable} {word}", "has no value")
         else:
             given[word] = value
+    machines = given.get("--peers"), given.get("--interface")
     clock = given.get("--clock", "sim")
     if clock not in ("sim", "wall"):
         raise ScenarioError(f"{executable} --clock {clock}", "is no clock", "sim or wall")
     if clock == "sim":
-        if "--rate" in given:
-            raise ScenarioError(f"{executable} --rate {given['--rate']}", "is for --clock wall", "", "add --clock wall")
-        return None, others
+        for option in _FOR_REAL_TIME:
+            if option in given:
+                shown = f"{executable} {option} {given[option]}".rstrip()
+                raise ScenarioError(shown, "is for --clock wall", "", "add --clock wall")
+        return Options(None, False, 0, *machines), others
+    rate = _number(executable, "--rate", given.get("--rate", "1"), float, "simulated seconds a second")
+    priority = _number(executable, "--priority", given.get("--priority", "0"), int, "a whole one from 1 to 99")
+    return Options(rate, "--strict" in given, priority, *machines), others
+
+
+def _number(executable: str, option: str, value: str, kind: Callable[[str], _Number], expected: str) -> _Number:
     try:
-        return float(given.get("--rate", "1")), others
+        return kind(value)
     except ValueError:
-        raise ScenarioError(
-            f"{executable} --rate {given['--rate']}", "is no number", "simulated seconds a second"
-        ) from None
+        raise ScenarioError(f"{executable} {option} {value}", "is no number", expected) from None
 
 
 def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tuple[str, ...], Path | None]:
