@@ -114,8 +114,17 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
+    first_ticks(scenario)()
+
+
+def first_ticks(scenario: Scenario) -> Callable[[], None]:
+    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    def run() -> None:
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    return run
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -553,6 +562,7 @@ def run_over_ros(
         wall,
         options.pace,
         faults,
+        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

@@ -60,7 +60,9 @@ class WallHost(Host):
         return node
 
     def _before_threads(self) -> None:
-        """Nothing: here everybody is to wake at once, and :func:`be_punctual` sees to that when the run begins."""
+        """Here everybody is to wake at once, and :func:`be_punctual` sees to that when the run begins."""
+        if self._plan.rehearse is not None and not {COORDINATOR, RECORDER}.issuperset(self._names):
+            self._plan.rehearse()
 
     def _take_part(self) -> None:
         assert self._plan.wall is not None
@@ -93,10 +95,10 @@ class WallHost(Host):
                 self._spinner.once(max(0, wake - ahead - now) / NANOSECONDS)
             for node in self._by_urgency():
                 node.turn()
-            if priority:
-                # Else a process with a priority keeps its processor through a whole chain of messages from node to node
-                # in it, of 2 ms, while others of the same priority are late for their acts.
-                os.sched_yield()
+                if priority:
+                    # Else a process with a priority keeps its processor through a whole chain of messages from node to
+                    # node in it, of 2 ms, while others of the same priority are late for their acts.
+                    os.sched_yield()
         for node in self._timed:
             node.finish()
 
