@@ -592,6 +592,8 @@ def run_over_ros(
                 outcome = launcher.run()
             except BaseException:
                 make_readable(bag)
+                if wall is not None and not any(bag.glob("*.mcap")):
+                    print("etac: the run ended before anything was recorded; there is no bag", file=sys.stderr)
                 raise
             assert outcome is not None  # this part keeps time
     finally:
