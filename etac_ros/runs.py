@@ -120,8 +120,17 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
+    first_ticks(scenario)()
+
+
+def first_ticks(scenario: Scenario) -> Callable[[], None]:
+    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    def run() -> None:
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    return run
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -679,6 +688,7 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
+        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
@@ -710,6 +720,8 @@ def run_over_ros(
                 outcome = launcher.run()
             except BaseException:
                 make_readable(bag)
+                if wall is not None and not any(bag.glob("*.mcap")):
+                    print("etac: the run ended before anything was recorded; there is no bag", file=sys.stderr)
                 raise
             assert outcome is not None  # this part keeps time
             outlet.hand_on()
