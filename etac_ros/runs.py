@@ -334,7 +334,7 @@ def _simulated(
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
     wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    engine = InProcess(graph, windows, before=wait, trimmed=True)
+    engine = InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
     started = time.perf_counter()
     recording = engine.run()
     ended = time.perf_counter()

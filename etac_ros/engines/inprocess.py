@@ -30,7 +30,8 @@ class InProcess:
     before
         Called with the tick before its orders are executed: whoever wants to slow the run down waits in it.
     trimmed
-        Let windows end where their only reader acts, if plant and reader can tell beforehand. No bit depends on it.
+        Let windows end where their only reader acts, if plant and reader can tell beforehand: how long they are else.
+        No bit depends on it. None leaves all windows to ``windows``.
     """
 
     def __init__(
@@ -39,17 +40,18 @@ class InProcess:
         windows: WindowPolicy = USUAL_WINDOWS,
         trace: Callable[[Order, Report], None] | None = None,
         before: Callable[[int], None] | None = None,
-        trimmed: bool = False,
+        trimmed: int | None = None,
     ) -> None:
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._plants = {name: _plant(graph, name) for name in graph.plants}
         # By plant: whose next act its windows end with.
         self._acting: dict[str, Driver] = {}
-        for name, plant in self._plants.items() if trimmed else ():
+        for name, plant in self._plants.items() if trimmed is not None else ():
             readers = graph.readers[name]
             if len(readers) == 1 and graph.modules[readers[0]].stops and plant.can_stop:
                 self._acting[name] = self._drivers[readers[0]]
-        self.master = TimeMaster(graph, windows, frozenset(self._acting), with_history=False)
+        self_ending = {} if trimmed is None else dict.fromkeys(self._acting, trimmed)
+        self.master = TimeMaster(graph, windows, self_ending, with_history=False)
         self.recording = Recording(
             messages={name: [] for name in graph.links}, truth={name: [] for name in graph.plants}
         )
