@@ -364,5 +364,5 @@ def test_in_real_time_the_process_stands_still(tmp_path: Path) -> None:
 
 def test_in_real_time_a_node_needs_its_own_process(tmp_path: Path) -> None:
     scenario = load("wu2018", None, ["duration_s=50", fault(20.0, "/controller", "stall", 20.0)])
-    with pytest.raises(ScenarioError, match="stops the process of one node"):
+    with pytest.raises(ScenarioError, match="is done to the process of /controller, which has to have one of its own"):
         run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=20.0, processes="one"))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import FewFigures
 from test_engines_equal import assert_same
 
 from etac_ros.engines.inprocess import InProcess
@@ -100,14 +101,16 @@ def test_servo(case: str, tmp_path: Path) -> None:
     assert run.summary.topics["/voltage"].payload_bytes == sizes * run.summary.topics["/voltage"].messages
 
 
-def test_the_report_of_a_servo_shows_its_states(tmp_path: Path) -> None:
+def test_the_report_of_a_servo_shows_its_states(tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("overview", "attitude", "rate", "states")
     run_in_process(servo(tmp_path, []), tmp_path / "bag")
     page = write_report(tmp_path / "bag", trust=True).read_text()
     assert "States" in page
     assert "Euler" not in page.partition("<script")[0]
 
 
-def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path) -> None:
+def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("watched", "signal")
     scenario = servo(tmp_path, [f"{node}={value}" for node, value in WATCHED.items()])
     run_in_process(scenario, tmp_path / "bag")
     page = write_report(tmp_path / "bag", trust=True).read_text()

@@ -89,7 +89,7 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
         (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),
         (["compare", "wu2018", "--clock", "wall", "--variant", "noise", "--variant", "radio"], "more than once"),
         (["compare", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
-        (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
+        (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: in simulated time is for the node that keeps it"),
     ],
 )
 def test_what_contradicts_itself_is_refused(arguments: list[str], said: str) -> None:

@@ -2,19 +2,23 @@
 
 Each message takes as long as ``latency`` says, each node wakes as late as ``lateness`` says. Both are functions, so
 that a test can make anybody late by any time at any instant. Nothing sleeps, and a run is the same every time.
+
+Faults kill workers, with what they have not handed over of their ledgers, and let others take their places.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from etac_ros.graph.faults import Fault, FaultKind
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.ledger import Entry
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
+from etac_ros.timing.membership import Succession, birth_ns, births_ns, mortals, restarts_of
 from etac_ros.timing.wall import Effect, Halt, Overrun, WallModule, WallPlant, WallWorker
 from etac_ros.timing.windows import USUAL_WINDOWS, WindowPolicy
 from etac_ros.timing.worker import Commit, Offer, Send
@@ -25,6 +29,8 @@ Lateness = Callable[[str, int], int]
 """How much later than it wants a node wakes."""
 
 WINDOW = "window of "
+LOST_NS = 500_000_000
+"""What is lost of the ledger of one that is killed: it hands it over twice a second."""
 
 
 class WallNetwork:
@@ -37,9 +43,16 @@ class WallNetwork:
         latency: Latency,
         lateness: Lateness = lambda name, due: 0,
         windows: WindowPolicy = USUAL_WINDOWS,
+        faults: Sequence[Fault] = (),
+        anew: Callable[[], Graph] | None = None,
+        up_ns: int = 0,
     ) -> None:
         self.graph = graph
         self.clock = clock
+        self._faults, self._anew, self._up_ns = tuple(faults), anew, up_ns
+        self._incarnation = dict.fromkeys(graph.modules, 0)
+        self._alive = dict.fromkeys(graph.modules, True)
+        self._successions: dict[tuple[str, str], Succession] = {}
         self.overruns: list[tuple[str, Overrun]] = []
         self.halts: list[tuple[str, Halt]] = []
         self.recording = Recording({name: [] for name in graph.links}, {name: [] for name in graph.plants}, wall=clock)
@@ -63,6 +76,10 @@ class WallNetwork:
         start = self.clock.start_ns - 10**8
         for name in self.workers:
             self._at(start, self._begin(name))
+        for fault in self._faults:
+            self._at(self.clock.instant_ns(fault.from_tick), self._kill(fault.node))
+            if fault.kind is FaultKind.RESTART:
+                self._at(birth_ns(fault, self.clock) + self._up_ns, self._revive(fault))
         while self._events:
             self._now, _, act = heapq.heappop(self._events)
             act(self._now)
@@ -78,6 +95,46 @@ class WallNetwork:
 
         return begin
 
+    def _kill(self, name: str) -> Callable[[int], None]:
+        def kill(now: int) -> None:
+            self._alive[name] = False
+            handed_over = now - self.clock.start_ns - LOST_NS
+            self.ledgers[name] += [one for one in self.workers[name].take_ledger() if one.time_ns < handed_over]
+
+        return kill
+
+    def _revive(self, fault: Fault) -> Callable[[int], None]:
+        name = fault.node
+
+        def revive(now: int) -> None:
+            assert self._anew is not None
+            incarnation = restarts_of(self._faults, name).index(fault) + 1
+            self._incarnation[name], self._alive[name] = incarnation, True
+            for key in [key for key in self._successions if key[0] == name]:
+                del self._successions[key]
+            for link in self.graph.sends[name]:
+                self._numbers[link.name] = 0
+            worker = self.workers[name] = WallModule(self._anew(), name, self._of(name), incarnation)
+            plant = self.graph.reads.get(name)
+            if plant is not None and name in self.graph.readers[plant]:
+                shows: Any = self.workers[plant]
+                shows.show_again(now)
+                self._wake_later(plant)
+            worker.begin(self.clock, now, fault.until_tick)
+            self._wake_later(name)
+
+        return revive
+
+    def _number(self, receiver: str, link: Any, sequence: int, sent: int) -> int:
+        """The number of a message at a receiver, as it finds it out by itself."""
+        key = receiver, link.name
+        if key not in self._successions:
+            births = births_ns(self._faults, link.sender, self.clock)
+            self._successions[key] = Succession(births, receiver in mortals(self._faults))
+        number = self._successions[key].number(sequence, sent)
+        assert number is not None, (receiver, link.name, sequence, sent)
+        return number
+
     def _at(self, when: int, act: Callable[[int], None]) -> None:
         self._count += 1
         heapq.heappush(self._events, (when, self._count, act))
@@ -89,7 +146,11 @@ class WallNetwork:
         self._wakes[name] = due
         due = max(due, self._now)
 
+        alive = self._incarnation[name]
+
         def wake(now: int) -> None:
+            if self._incarnation[name] != alive or not self._alive[name]:
+                return
             self._wakes.pop(name, None)
             if not self._sleeps(name, now, wake):
                 self.workers[name].progress(now)
@@ -113,7 +174,11 @@ class WallNetwork:
         when = max(self._now + self._latency(topic, receiver, self._now), self._last.get((topic, receiver), 0))
         self._last[topic, receiver] = when
 
+        alive = self._incarnation[receiver]
+
         def deliver(now: int) -> None:
+            if self._incarnation[receiver] != alive or not self._alive[receiver]:
+                return  # volatile: it was sent to one that is no more
             if self._sleeps(receiver, now, deliver):
                 return
             take(now)
@@ -129,6 +194,8 @@ class WallNetwork:
                     self._send(link, value)
                 case Offer(window, _):
                     for reader in self.graph.readers[name]:
+                        if not self._alive[reader]:
+                            continue
                         worker: Any = self.workers[reader]
                         self._deliver(reader, WINDOW + name, lambda now, w=worker: w.on_window(window, now))
                 case Commit(first, samples):
@@ -142,9 +209,19 @@ class WallNetwork:
 
     def _send(self, link: Any, value: FloatArray) -> None:
         self._numbers[link.name] += 1
-        number, sent = self._numbers[link.name], self._now
+        sequence, sent = self._numbers[link.name], self._now
         tick = self.clock.tick_at(sent)
-        self.recording.messages[link.name].append(Message(number, tick, 0, value))
+        recorded = self._number("recorder", link, sequence, sent)
+        self.recording.messages[link.name].append(Message(recorded, tick, 0, value))
+
+        def take(receiver: str, worker: Any) -> Callable[[int], None]:
+            def on_message(now: int) -> None:
+                number = self._number(receiver, link, sequence, sent)
+                assert number == recorded
+                worker.on_message(link, number, value, sent, now)
+
+            return on_message
+
         for receiver in link.receivers:
-            worker: Any = self.workers[receiver]
-            self._deliver(receiver, link.name, lambda now, w=worker: w.on_message(link, number, value, sent, now))
+            if self._alive[receiver]:
+                self._deliver(receiver, link.name, take(receiver, self.workers[receiver]))

@@ -9,10 +9,9 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-import yaml
-
+from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
@@ -24,15 +23,14 @@ from etac_ros.runs import (
     RosOptions,
     free_bag_directory,
     open_bag,
+    parameters_of,
     real_time,
     state_streams,
     warm_up,
     windows_of,
 )
-from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
-
-_KEY = "ros__parameters"
+from etac_ros.timing.windows import short_windows
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.count_check import Outcome
@@ -49,6 +47,8 @@ def play(
     priority: int = 0,
     peers: str | None = None,
     interface: str | None = None,
+    pace: float | None = None,
+    live: int | None = None,
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -66,6 +66,10 @@ def play(
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
     peers, interface
         As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
+    pace
+        As for :class:`~etac_ros.runs.RosOptions`, for the node that keeps time.
+    live
+        Likewise, for the recorder.
 
     Raises
     ------
@@ -86,7 +90,17 @@ def play(
     wall = real_time(RosOptions(only=name, rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     shown = parameters_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        scenario.build(),
+        windows,
+        quiet_s=quiet_s,
+        wall=wall,
+        pace=pace,
+        parameters=shown,
+        told=scenario.told,
+    )
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -98,15 +112,15 @@ def play(
             f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
             "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
         )  # fmt: skip
+    _check_who_can(plan, name, pace, live)
     directory = bag or Path()
     if name == RECORDER:
         directory = bag or free_bag_directory(scenario)
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = host_of(plan)(
-        plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state_streams(scenario), wall)
-    )
+    state = state_streams(scenario, live=live is not None) if name == RECORDER else None
+    host = host_of(plan)(plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state, wall, live))
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)
@@ -116,15 +130,22 @@ def play(
     leave_process(0)
 
 
-def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """What each node shows to ROS tools: the section of the whole run, and its own."""
+def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) -> None:
+    """Refuse what only another node of the run can do."""
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
-    from etac_ros.engines.ros.public import flattened
 
-    sections = {name: section[_KEY] for name, section in yaml.safe_load(scenario.text).items()}
-    of_all = dict(flattened(sections.get(EVERYWHERE, {})))
-    names = [*scenario.nodes, COORDINATOR, RECORDER]
-    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
+    keeper = plan.timekeeper_with or COORDINATOR
+    if pace is not None:
+        if name != keeper:
+            found = "in simulated time is for the node that keeps it, which the others follow"
+            raise ScenarioError(
+                f"{name}: --rate {pace:g}", found, "", f"give it to {keeper}, or add --clock wall to all"
+            )
+        short_windows(plan.windows, pace, plan.graph.ticks_per_second)  # refuses a pace that is none
+    if live is not None:
+        if name != RECORDER:
+            raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
+        check_live(live)
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:

@@ -17,7 +17,6 @@ from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
     FAULT_ACCOUNT,
-    FAULT_NOTE,
     HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
@@ -27,6 +26,7 @@ from etac_ros.metrics.cells import (
     acknowledgement_account_cells,
     falls_short,
     fault_account_cells,
+    fault_notes,
     hold_account_cells,
     link_account_cells,
     medium_account_cells,
@@ -199,7 +199,8 @@ def _accounts(summary: Summary, ticks_per_second: int) -> list[Table]:
         tables.append(Table("", ("hold", *HOLD_ACCOUNT), rows))
     if summary.faults:
         rows = tuple(Row((name, *cells)) for name, one in summary.faults.items() for cells in fault_account_cells(one))
-        tables.append(Table("", ("fault", *FAULT_ACCOUNT), rows, (FAULT_NOTE,), frozenset(("node", "does", "plant"))))
+        notes = fault_notes(summary.faults, summary.real_time is not None)
+        tables.append(Table("", ("fault", *FAULT_ACCOUNT), rows, notes, frozenset(("node", "does", "plant"))))
     return tables
 
 

@@ -10,6 +10,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrival
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.spool import Spool
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
@@ -28,7 +29,8 @@ class InProcess:
     trace
         Called with every order and its report; for tests and for teaching.
     before
-        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it.
+        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
+        attribute, too.
     trimmed
         Let windows end where their only reader acts, if plant and reader can tell beforehand: how long they are else.
         No bit depends on it. None leaves all windows to ``windows``.
@@ -52,13 +54,12 @@ class InProcess:
                 self._acting[name] = self._drivers[readers[0]]
         self_ending = {} if trimmed is None else dict.fromkeys(self._acting, trimmed)
         self.master = TimeMaster(graph, windows, self_ending, with_history=False)
-        self.recording = Recording(
-            messages={name: [] for name in graph.links}, truth={name: [] for name in graph.plants}
-        )
+        self._truth = {name: Spool() for name in graph.plants}
+        self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
         self._graph = graph
         self._untold = windows.first
         self._trace = trace
-        self._before = before
+        self.before = before
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
         self._ports = {name: {link.name: link.receivers[name] for link in graph.hears[name]} for name in graph.modules}
@@ -87,8 +88,8 @@ class InProcess:
         orders = next(batches)
         does = self._does
         while True:
-            if self._before is not None:
-                self._before(self.master.tick)
+            if self.before is not None:
+                self.before(self.master.tick)
             reports = [does[type(order)](order) for order in orders]
             if self._trace is not None:
                 for order, report in zip(orders, reports, strict=True):
@@ -97,11 +98,15 @@ class InProcess:
                 orders = batches.send(reports)
             except StopIteration:
                 break
+        self.log()
+        return self.recording
+
+    def log(self) -> None:
+        """Put into the recording what has been sent, and what has happened on the air, since the last time."""
         self.recording.air += self.master.take_air_log()
         for link, sequence, tick, step in self.master.take_message_log():
             value = self._values[MessageId(link, sequence)]
             self.recording.messages[link].append(Message(sequence, tick, step, value))
-        return self.recording
 
     def obey(self, order: Order) -> Report:
         """Execute one order of the time master."""
@@ -161,7 +166,7 @@ class InProcess:
     def _commit(self, plant: str, tick: int) -> None:
         start, samples = self._plants[plant].commit(tick)
         if len(samples):
-            self.recording.truth[plant].append((start, samples))
+            self._truth[plant].append((start, samples))
 
     def _send(self, sent: Sent) -> tuple[str, ...]:
         names = []

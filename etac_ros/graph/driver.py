@@ -16,7 +16,8 @@ from etac_ros.errors import ProtocolError
 from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Module, Window
-from etac_ros.graph.promises import Component, all_finite, are_finite, shown
+from etac_ros.graph.promises import Component, are_finite, shown
+from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 
 Sent = list[tuple[Link, FloatArray]]

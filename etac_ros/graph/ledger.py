@@ -32,6 +32,8 @@ class Event(IntEnum):
     """The node had acted at a tick whose sample then turned out to be another: its window came late."""
     STARVED = 5
     """The node needed a sample of a tick that no window had brought yet."""
+    JOINED = 6
+    """A process was in the run that took the place of one that a fault had killed. ``tick``: in which it was."""
 
 
 class Entry(NamedTuple):
@@ -48,7 +50,8 @@ class Entry(NamedTuple):
     time_ns
         When, since the instant of tick 0 [ns].
     other_ns
-        TAKEN: when the message was sent, by its source timestamp. WOKEN: the instant of the tick. Else 0.
+        TAKEN: when the message was sent, by its source timestamp. WOKEN: the instant of the tick. JOINED: that of the
+        tick at which the node was to go on. Else 0.
     cause, cause_sequence
         SENT: the message that made the node send; :data:`NOTHING` where it acted by itself.
         WOKEN: ``cause_sequence`` is how many ticks were missed.

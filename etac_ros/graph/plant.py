@@ -6,7 +6,8 @@ import numpy as np
 
 from etac_ros.graph.held import HeldInputs
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, all_finite
+from etac_ros.graph.promises import Component
+from etac_ros.maths.finite import all_finite
 from etac_ros.maths.rk4 import Stop
 from etac_ros.maths.ticks import seconds
 from etac_ros.parameters import FloatArray, Parameters

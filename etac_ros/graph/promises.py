@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,14 +15,13 @@ import numpy as np
 
 import etac_ros
 from etac_ros.errors import BrokenPromise, EtacError
+from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
 _FLOAT64 = np.dtype(np.float64)
-_SUMMED = 4096
-"""Numbers whose squares are summed at once: of more, the linear algebra would start threads."""
 
 
 Probe = Callable[["Component", str, tuple[Any, ...], Mapping[str, Any]], Any]
@@ -201,15 +199,6 @@ def failed_in_etac_ros(error: BaseException) -> bool:
 
 def _is_ours(file: str) -> bool:
     return file.startswith((_OURS, "<frozen"))
-
-
-def all_finite(values: FloatArray) -> bool:
-    """Whether all are numbers. It is asked of every value that goes anywhere, and mostly they are."""
-    if values.size <= _SUMMED:
-        flat = values.ravel()
-        if math.isfinite(flat.dot(flat)):  # of what is no number, neither is the sum of squares
-            return True
-    return bool(np.isfinite(values).all())
 
 
 def are_finite(arguments: Sequence[Any]) -> bool:

@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 from etac_ros.graph.acknowledged import Event, Taken, replayed
 from etac_ros.graph.channel import Way
+from etac_ros.graph.faults import Fault, FaultKind
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.held import HeldInputs
+from etac_ros.graph.ledger import Event as Noted
 from etac_ros.graph.module import Arrival, Arrivals
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
@@ -106,16 +108,37 @@ def _noted(graph: Graph, recording: Recording, link: Link, receiver: str) -> lis
     """In real time nothing tells when a message arrives but the receiver's own ledger.
 
     Where that has not come (a foreign node keeps none, and of a killed one the end is lost), a message counts in the
-    tick in which it was sent, and at a plant from the next one on.
+    tick in which it was sent, and at a plant from the next one on. None of these has reached a node that was dead then.
     """
+    dead = [ticks for _, ticks in down_in_real_time(graph, recording, receiver)]
     place = list(graph.links).index(link.name)
     taken = recording.taken(receiver)
     at_plant = int(receiver in graph.plants)
     found = []
     for message in recording.messages[link.name]:
-        tick = taken.get((place, message.sequence), message.tick + at_plant)
+        known = taken.get((place, message.sequence))
+        if known is None and any(ticks.start <= message.tick < ticks.stop for ticks in dead):
+            continue
+        tick = message.tick + at_plant if known is None else known
         if tick < graph.end_tick:
             found.append(Delivery(tick, 1, message))
+    return found
+
+
+def down_in_real_time(graph: Graph, recording: Recording, node: str) -> list[tuple[Fault, range]]:
+    """When a node of a run in real time had no process in it, by the fault that killed one.
+
+    From the tick of the fault on, until that in which the process that took its place was in the run: which it notes
+    down itself. One that has not come back was dead to the end.
+    """
+    wall = recording.wall
+    assert wall is not None
+    joined = {entry.other_ns: entry.tick for entry in recording.ledgers.get(node, ()) if entry.event is Noted.JOINED}
+    found = []
+    for fault in graph.faults_of(node):
+        if fault.kind is not FaultKind.STALL:
+            back = joined.get(wall.instant_ns(fault.until_tick) - wall.start_ns, graph.end_tick)
+            found.append((fault, range(fault.from_tick, min(back + 1, graph.end_tick))))
     return found
 
 
@@ -139,9 +162,13 @@ def arrivals_by_tick(graph: Graph, recording: Recording, module: str) -> Mapping
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Staircase]:
     """What each input port of a plant held, from its first committed tick on; ports in the plant's order."""
+    return recording.once("held inputs", plant, lambda: _held_inputs(graph, recording, plant))
+
+
+def _held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Staircase]:
     module = graph.modules[plant]
     assert isinstance(module, PlantModule)
-    first, _ = recording.samples(plant)
+    first = recording.first_tick(plant)
     hold = HeldInputs(module.inputs, [link.name for link in graph.hears[plant]])
     totals = {first: hold.total()}
     for (tick, _), some in arrivals(graph, recording, plant).items():
@@ -178,6 +205,10 @@ def energy(graph: Graph, recording: Recording, plant: str, first_tick: int, last
 
 def last_sent(graph: Graph, recording: Recording, module: str) -> Staircase | None:
     """The last-sent value of a module that triggers; None where it has sent nothing."""
+    return recording.once("last sent", module, lambda: _last_sent(graph, recording, module))
+
+
+def _last_sent(graph: Graph, recording: Recording, module: str) -> Staircase | None:
     sent = {message.tick: message.value for message in sent_at_triggers(graph, recording, module)}
     if not sent:
         return None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from etac_ros.graph.faults import FaultKind
 from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
 from etac_ros.metrics.fault_account import Excursion, FaultAccount
 from etac_ros.metrics.summary import Performance, PublishedValue, Summary, Topic, Totals, Watched
@@ -91,6 +94,21 @@ FAULT_NOTE = (
     "missed: messages for the node that were lost to it; waited: that reached it when it went on; band: the largest "
     "error over the tenth of the run before"
 )
+
+
+def fault_notes(accounts: Mapping[str, FaultAccount], in_real_time: bool) -> tuple[str, ...]:
+    """What is to be said below the table of faults; in real time more than what its columns are."""
+    notes = [FAULT_NOTE]
+    for name, account in accounts.items():
+        if in_real_time and account.do is FaultKind.RESTART:
+            was = "never in the run" if account.joined_s is None else f"in the run at {account.joined_s:.6g} s"
+            notes.append(f"{name}: {account.node} was started again at {account.until_s:.6g} s, and was {was}")
+        if account.unknown:
+            notes.append(
+                f"{name}: of {account.unknown:,} messages to and from {account.node} nobody knows whether it had taken "
+                "or noted them: the last account of a process that was killed is lost with it"
+            )
+    return tuple(notes)
 
 
 def fault_account_cells(account: FaultAccount) -> list[tuple[str, ...]]:

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.graph.module import Context, Module, Outputs, Window
-from etac_ros.graph.promises import Component, all_finite, check_state_size, first_broken
+from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import Signal, is_formed
 from etac_ros.maths.compiled import kernel
+from etac_ros.maths.finite import all_finite
 from etac_ros.maths.noise import normals, stream_key
 from etac_ros.maths.rk4 import Criterion, Stop
 from etac_ros.modules.hold import Hold

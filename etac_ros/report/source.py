@@ -21,6 +21,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve, energy, held_inputs, last_tick
+from etac_ros.metrics.kept import kept_in_bag
 from etac_ros.metrics.published import check_measure, watches_of_module
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.parameters import FloatArray
@@ -79,6 +80,8 @@ class ReportedRun:
     @cached_property
     def watches(self) -> dict[str, tuple[int, tuple[Watch, ...]]]:
         """First tick and watched quantities of each node that watches something."""
+        if self.recording.every != 1:
+            return {}  # of some, what is watched follows from all samples
         found = {name: watches_of_module(self.graph, self.recording, name) for name in self.graph.modules}
         return {name: (first, watches) for name, (first, watches) in found.items() if watches}
 
@@ -134,17 +137,23 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
             "record the run anew with etac run, or with the node /recorder",
         )
     recording, derived = found.recording_and_derived()
-    left_out = ""
+    left_out, kept = "", None
+    if recording.every != 1:
+        kept = kept_in_bag(bag)
+        left_out = (
+            f"this bag keeps {_kept_part(recording.every)} (--truth), and all messages. Figures of the whole run were "
+            "taken of all samples while it ran; what trigger rules compared and what is watched is left out."
+        )
     try:
         with nullcontext() if trust else own_classes_only():
             scenario = _scenario(bag, found, load)
-            graph = scenario.build()
+            graph = scenario.build() if recording.wall is None else scenario.build().in_real_time()
     except ForeignClassError as foreign:
         scenario = _scenario(bag, found, read_resolved)
         graph, description = _without_classes(bag, found, recording, derived, foreign)
         kinds = {plant: description.nodes[plant].cls for plant in graph.plants}
         names = ", ".join(foreign_classes(scenario.classes))
-        left_out = (
+        left_out += (" " if left_out else "") + (
             f"this bag names classes that are not of etac_ros ({names}), which were not imported. What trigger rules "
             "compared is left out; etac report --trust shows it, and runs their code."
         )
@@ -166,8 +175,13 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
         wire=read_from_bag(bag),
+        of_samples=kept,
     )
     return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
+
+
+def _kept_part(every: int) -> str:
+    return f"the committed samples of every {every}th tick, and the last" if every else "no committed samples"
 
 
 def read_other(bag: Path, run: ReportedRun, trust: bool = False) -> ReportedRun:

@@ -9,7 +9,6 @@ from etac_ros.metrics.cells import (
     ACKNOWLEDGEMENT_ACCOUNT,
     BAND,
     FAULT_ACCOUNT,
-    FAULT_NOTE,
     HOLD_ACCOUNT,
     KINDS,
     LINK_ACCOUNT,
@@ -18,6 +17,7 @@ from etac_ros.metrics.cells import (
     WATCHED,
     acknowledgement_account_cells,
     fault_account_cells,
+    fault_notes,
     hold_account_cells,
     link_account_cells,
     medium_account_cells,
@@ -213,7 +213,10 @@ def fault_table(view: View) -> Table | None:
     ]
     if not any(found):
         return None
-    return _of_runs("What faults cost", "fault", FAULT_ACCOUNT, view, found, (f"{FAULT_NOTE}.".capitalize(),))
+    notes = dict.fromkeys(
+        note for run in view.runs for note in fault_notes(run.summary.faults, run.recording.wall is not None)
+    )
+    return _of_runs("What faults cost", "fault", FAULT_ACCOUNT, view, found, tuple(f"{note}." for note in notes))
 
 
 def trigger_table(view: View) -> Table | None:

@@ -25,6 +25,7 @@ from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.digest import knows_ticks
+from etac_ros.timing.membership import NUMBERS
 from etac_ros.timing.windows import WindowPolicy
 from etac_ros.timing.worker import Commit, Offer, Send
 
@@ -95,6 +96,8 @@ class WallWorker:
         Full name of the module.
     emit
         Takes what it does, at once and in order.
+    incarnation
+        Which of its node's processes this is.
 
     Attributes
     ----------
@@ -108,7 +111,7 @@ class WallWorker:
         Tick of the last message on each link.
     """
 
-    def __init__(self, graph: Graph, name: str, emit: Emit) -> None:
+    def __init__(self, graph: Graph, name: str, emit: Emit, incarnation: int = 0) -> None:
         self.name = name
         self.clock: WallClock | None = None
         self.missed = 0
@@ -119,12 +122,30 @@ class WallWorker:
         self._emit = emit
         self._end = graph.end_tick
         self._places = {link: place for place, link in enumerate(graph.links)}
-        self._numbers = {link.name: 0 for link in graph.sends[name]}
+        self._numbers = {link.name: incarnation * NUMBERS for link in graph.sends[name]}
         self._entries: list[Entry] = []
 
-    def begin(self, clock: WallClock, now_ns: int) -> None:
-        """All have agreed on the instants of ticks."""
+    def begin(self, clock: WallClock, now_ns: int, since: int | None = None) -> None:
+        """All have agreed on the instants of ticks.
+
+        Parameters
+        ----------
+        clock
+            The instants of ticks.
+        now_ns
+            What time it is there [ns].
+        since
+            Of a process that takes the place of a dead one: the tick at which its node was to go on. None for one that
+            is there from the start.
+        """
         self.clock = clock
+        if since is not None:
+            self._entries.append(
+                Entry(
+                    Event.JOINED, NOTHING, 0, self._now(now_ns), self._since(now_ns),
+                    self._since(clock.instant_ns(since)),
+                )
+            )  # fmt: skip
 
     def next_wake_ns(self) -> int | None:
         """The next instant at which there is something to do unasked [ns]; None if there is none."""
@@ -175,10 +196,13 @@ class WallModule(WallWorker):
     -----
     A window may be looked at when its first tick has come. Before that, samples of earlier ticks may still be needed:
     by an act of its own, or by a message. Who hears nobody and acts no earlier looks at once, when there is time.
+
+    A process that takes the place of a dead one acts from the first tick after that in which it begins, knows of no
+    sample from before its first window, and of no message from before it.
     """
 
-    def __init__(self, graph: Graph, name: str, emit: Emit) -> None:
-        super().__init__(graph, name, emit)
+    def __init__(self, graph: Graph, name: str, emit: Emit, incarnation: int = 0) -> None:
+        super().__init__(graph, name, emit, incarnation)
         self._driver = Driver(graph, name)
         module = self._driver.module
         self._sees_plant = name in graph.reads and name in graph.reporters
@@ -191,12 +215,16 @@ class WallModule(WallWorker):
         self._looked = -1
         self._acted = -1
         self._slept_until = -1
+        self._joined = False
 
-    def begin(self, clock: WallClock, now_ns: int) -> None:
+    def begin(self, clock: WallClock, now_ns: int, since: int | None = None) -> None:
         """All have agreed on the instants of ticks; do what is due."""
-        super().begin(clock, now_ns)
+        super().begin(clock, now_ns, since)
+        if since is not None:
+            self._joined = True
+            self._slept_until = self._now(now_ns)
         if self._looks and not self._sees_plant:
-            self._look(-1)
+            self._look(self._slept_until)
         self.progress(now_ns)
 
     def next_wake_ns(self) -> int | None:
@@ -247,7 +275,7 @@ class WallModule(WallWorker):
     def _see(self, window: Window, now: int, now_ns: int) -> None:
         before = self._driver.window
         due = 0 if before is None else before.last + 1
-        if window.start > due:
+        if window.start > due and not (self._joined and before is None):
             raise ProtocolError(
                 f"window of {window.plant}",
                 f"it begins with tick {window.start}, and samples are known until tick {due - 1}",
@@ -371,9 +399,9 @@ class WallPlant(WallWorker):
         self._length = 0
         self._renewed = False
 
-    def begin(self, clock: WallClock, now_ns: int) -> None:
+    def begin(self, clock: WallClock, now_ns: int, since: int | None = None) -> None:
         """All have agreed on the instants of ticks; do what is due."""
-        super().begin(clock, now_ns)
+        super().begin(clock, now_ns, since)
         self._windows = windows_in_real_time(self._policy, clock)
         self._open(self._windows.least)
 
@@ -411,10 +439,22 @@ class WallPlant(WallWorker):
         elif self._renewed:
             self._open(self._windows.after_hit(max(1, self.plant.tick - self._first)))
         elif self._last < self._end and now >= self._renewal():
-            self._reach(now, now, now_ns)
             # What is held is the same, and so are the samples: nobody has to look again at what it has seen.
-            self._commit(max(now, self.plant.tick))
-            self._open(self._windows.after_quiet(self._length))
+            self._renew(now, now_ns)
+
+    def show_again(self, now_ns: int) -> None:
+        """Open a new window at once: somebody has come to see it who has not seen the one before."""
+        if self.clock is None or self.closed or self._renewed:
+            return
+        now = self._now(now_ns)
+        if 0 <= now < self._end:
+            self._renew(now, now_ns)
+
+    def _renew(self, now: int, now_ns: int) -> None:
+        assert self._windows is not None
+        self._reach(now, now, now_ns)
+        self._commit(max(now, self.plant.tick))
+        self._open(self._windows.after_quiet(self._length))
 
     def _renewal(self) -> int:
         assert self._windows is not None

@@ -60,7 +60,7 @@ class CoordinatorNode(Convener):
         on_progress: Progress,
     ) -> None:
         super().__init__(plan, spinner, context)
-        self.master = TimeMaster(plan.graph, plan.windows)
+        self.master = TimeMaster(plan.graph, plan.windows_ahead)
         self._dispatcher = Dispatcher(plan.graph, plan.duties, self.master, self._on_effect, self._on_step)
         self._plants = plants
         self._on_progress = on_progress
@@ -152,7 +152,7 @@ class CoordinatorNode(Convener):
     def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None], foreign: bool) -> Subscription:
         """A subscription to what a foreign node sends, or is asked, as bytes."""
         kind = message_type(link.wire)
-        return self.subscription(kind, link.topic, callback, raw=True, foreign=foreign, qos=link.qos)
+        return self.subscription(kind, link.topic, callback, foreign=foreign, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:

@@ -41,6 +41,8 @@ _ROLL_CALL_S = 1.0
 _GATHER_S = 0.005
 """How long the recorder lets messages gather; nobody waits for it before the end."""
 _LOOK_S = 0.1
+_GLANCE_S = 0.01
+"""A loop that comes round more often than this looks around no more often."""
 
 
 def _nothing(tick: int, fired: Any) -> None:
@@ -100,6 +102,8 @@ class Host:
         Others of the run are started by hand, which may take its time, and nobody sees them die but their peers.
     supervised
         How the launcher that started this process sees it; None for a node started by hand.
+    on_begin
+        In real time: told the instant of tick 0 on the wall clock [ns], where the coordinator is played.
 
     Attributes
     ----------
@@ -115,6 +119,7 @@ class Host:
         on_progress: Progress = _nothing,
         patient: bool = True,
         supervised: Supervised | None = None,
+        on_begin: Callable[[int], None] = lambda start_ns: None,
     ) -> None:
         self._plan = plan
         self._names = names
@@ -122,6 +127,7 @@ class Host:
         self._on_progress = on_progress
         self._patient = patient
         self._supervised = supervised
+        self._on_begin = on_begin
         self.ended_by: int | None = None
         self._roll_call = 0.0
         self._next_look = 0.0
@@ -258,6 +264,8 @@ class Host:
 
     def _look_around(self) -> None:
         now = time.monotonic()
+        if now - self._last_round < _GLANCE_S and self.ended_by is None:
+            return
         if now - self._last_round > fresh_s(self._plan.quiet_s):
             self._excuse(now)  # this process itself was stopped, or has computed
         self._last_round = now

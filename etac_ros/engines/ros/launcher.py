@@ -21,11 +21,11 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any
+from typing import Any, NamedTuple
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
@@ -34,18 +34,24 @@ from etac_ros.engines.ros.host import EndedByOthers, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
 from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
 from etac_ros.engines.ros.messages import preload
-from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Birth, Plan
 from etac_ros.engines.ros.recorder import Sink
 from etac_ros.engines.ros.several_machines import Machines
-from etac_ros.engines.ros.signals import SignalGuard, held_back
+from etac_ros.engines.ros.signals import ENDING, SignalGuard, held_back, let_through
 from etac_ros.engines.ros.wall_host import host_of
+from etac_ros.engines.ros.wall_time import Tie
 from etac_ros.errors import EtacError, RunError
-from etac_ros.graph.faults import Fault
+from etac_ros.graph.faults import Fault, FaultKind
+from etac_ros.maths.ticks import NANOSECONDS
+from etac_ros.maths.wall_clock import WallClock
+from etac_ros.timing.membership import birth_ns, restarts_of
 
 MOST_PROCESSES = 100
 """A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
 _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
+_LOOKS_S = 0.5
+"""How often a process that sleeps looks whether the launcher is still there."""
 
 
 class Processes(StrEnum):
@@ -113,8 +119,6 @@ class Launcher:
         Keeps signals for the moments at which a run can be ended; None where nobody does.
     machines
         Those that the run is spread over; None keeps to this one.
-    faults
-        Of processes, in real time: each is stopped, and goes on.
 
     Attributes
     ----------
@@ -133,7 +137,6 @@ class Launcher:
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
         machines: Machines | None = None,
-        faults: Sequence[Fault] = (),
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -153,10 +156,9 @@ class Launcher:
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
         self._machines = machines
-        signals = [(fault.from_tick, signal.SIGSTOP, fault.node) for fault in faults]
-        signals += [(fault.until_tick, signal.SIGCONT, fault.node) for fault in faults]
-        self._signals = deque(sorted(signals))
-        self._tick_0_s: float | None = None
+        self._deeds: deque[_Deed] = deque()
+        self._wall: WallClock
+        self._stand_ins: dict[str, _Child] = {}
         self._open_sink = open_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
@@ -205,24 +207,36 @@ class Launcher:
             with enough_files(len(self._groups)):
                 for place, names in enumerate(self._groups):
                     self._guard.check()
-                    self._fork(place, names)
+                    self._children.append(self._fork(place, names))
+                for fault in self._plan.faults:
+                    if fault.kind is FaultKind.RESTART:
+                        self._guard.check()
+                        self._prepare(fault)
         except (OSError, MemoryError, RuntimeError) as error:
             raise refused_by_system(error, f"starting node {', '.join(names)}") or error from error
         finally:
             gc.unfreeze()
         self._on_start({name: child.pid for child in self._children for name in child.names})
 
-    def _fork(self, place: int, names: tuple[str, ...]) -> None:
+    def _prepare(self, fault: Fault) -> None:
+        """Fork the process that will take the place of one that is killed, and let it sleep until then.
+
+        Now, with all others: later this process may have threads (a display, a capture), and could not fork safely.
+        """
+        place = next(place for place, names in enumerate(self._groups) if fault.node in names)
+        self._stand_ins[fault.name] = self._fork(place, (fault.node,), fault)
+
+    def _fork(self, place: int, names: tuple[str, ...], fault: Fault | None = None) -> _Child:
         fork = multiprocessing.get_context("fork")
-        ours, theirs = fork.Pipe(duplex=False)
+        ours, theirs = fork.Pipe(duplex=fault is not None)
         supervised = Supervised(os.getpid(), self._signs, place)
-        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines)
+        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines, fault)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
             process.start()
             theirs.close()
-            self._children.append(_Child(place, names, process, ours))
+            return _Child(place, names, process, ours)
 
     def _watch(self) -> Outcome | None:
         outcome: Outcome | None = None
@@ -237,9 +251,9 @@ class Launcher:
                 self._next_look_s(),
             )
             self._guard.check()
-            self._send_signals()
+            self._do_to_processes()
             for child in pending:
-                if child.pipe in ready or child.process.sentinel in ready:
+                if not child.done and (child.pipe in ready or child.process.sentinel in ready):
                     outcome = self._listen(child) or outcome
             if math.isinf(deadline) and (outcome is not None or self._ended_by_others is not None):
                 # All have left, with their counts, or are about to. Who does not hear of it need not be waited for.
@@ -251,28 +265,48 @@ class Launcher:
             raise RunError("node " + COORDINATOR, "ended without an outcome")
         return outcome
 
-    def _tell_time(self) -> None:
-        """Find out when tick 0 was, in real time: the coordinator tells a tick when it begins, or a little later."""
-        if self._plan.wall is not None and self._tick > 0:
-            start = time.monotonic() - self._seconds() / float(self._plan.wall.rate)
-            self._tick_0_s = start if self._tick_0_s is None else min(start, self._tick_0_s)
-
-    def _due_s(self) -> float:
-        """When the next signal is due, on the monotonic clock."""
-        if not self._signals or self._tick_0_s is None or self._plan.wall is None:
-            return math.inf
-        simulated = self._signals[0][0] / self._plan.graph.ticks_per_second
-        return self._tick_0_s + simulated / float(self._plan.wall.rate)
+    def _on_begin(self, start_ns: int) -> None:
+        """The run has begun: from now on it is known when each fault is due."""
+        assert self._plan.wall is not None
+        self._wall = WallClock(start_ns, self._plan.graph.ticks_per_second, self._plan.wall.rate)
+        self._deeds = deque(deeds_of(self._plan.faults, Tie().monotonic(self._wall)))
 
     def _next_look_s(self) -> float:
-        return min(LOOK_EVERY_S, max(0.0, self._due_s() - time.monotonic()))
+        due = math.inf if not self._deeds else (self._deeds[0].due_ns - time.monotonic_ns()) / NANOSECONDS
+        return min(LOOK_EVERY_S, max(0.0, due))
 
-    def _send_signals(self) -> None:
-        while self._due_s() <= time.monotonic():
-            _, number, node = self._signals.popleft()
+    def _do_to_processes(self) -> None:
+        """What faults do to processes, when it is due."""
+        while self._deeds and self._deeds[0].due_ns <= time.monotonic_ns():
+            deed = self._deeds.popleft()
+            if deed.signal is None:
+                self._let_take_its_place(deed.fault)
+                continue
             for child in self._children:
-                if node in child.names and child.process.is_alive():
-                    os.kill(child.pid, number)
+                if deed.fault.node in child.names and not child.done and child.process.is_alive():
+                    os.kill(child.pid, deed.signal)
+                    if deed.signal == signal.SIGKILL:
+                        self._bury(child)
+
+    def _bury(self, child: _Child) -> None:
+        """It was killed, as the scenario wants it: that is no error."""
+        child.process.join(_END_S)
+        while child.pipe.poll():
+            try:
+                kind, content = child.pipe.recv()
+            except (EOFError, OSError):
+                break
+            if kind == "fault":  # it had failed before
+                raise content
+        child.done = True
+        self._signs.take_leave(child.place)
+
+    def _let_take_its_place(self, fault: Fault) -> None:
+        child = self._stand_ins.pop(fault.name)
+        before = restarts_of(self._plan.faults, fault.node).index(fault)
+        self._children.append(child)
+        with contextlib.suppress(OSError):  # it has died meanwhile, and its end is seen by :meth:`_watch`
+            child.pipe.send(Birth(before + 1, fault, self._wall))
 
     def _look_for_life(self) -> None:
         """Name who stands still; say who takes long."""
@@ -307,8 +341,9 @@ class Launcher:
                 break
             if kind == "progress":
                 self._tick = content[0]
-                self._tell_time()
                 self._on_progress(*content)
+            elif kind == "begin":
+                self._on_begin(content)
             elif kind == "fault":
                 if not isinstance(content, EndedByOthers):
                     raise content
@@ -320,6 +355,7 @@ class Launcher:
                 outcome = content
                 if outcome is not None:
                     self.started_s = outcome.began_s
+                    self._give_up_late_comers(outcome)
         if not child.done and not child.process.is_alive():
             raise RunError(
                 child.label,
@@ -329,14 +365,23 @@ class Launcher:
             )
         return outcome
 
+    def _give_up_late_comers(self, outcome: Outcome) -> None:
+        """The run is over: who was about to take a dead one's place, and has not, need not come any more."""
+        self._deeds.clear()
+        for child in self._children:
+            name = child.names[0]
+            if name in self._plan.revived and outcome.leave_notes.get(name, {}).get("pid") != child.pid:
+                child.done = True
+
     def _seconds(self) -> float:
         return self._tick / self._plan.graph.ticks_per_second
 
     def _end(self) -> None:
         """End what still runs: the recorder last, since the others have things to tell it."""
-        recorders = [child for child in self._children if RECORDER in child.names]
-        others = [child for child in self._children if RECORDER not in child.names]
-        for child in self._children:
+        every = [*self._children, *self._stand_ins.values()]
+        recorders = [child for child in every if RECORDER in child.names]
+        others = [child for child in every if RECORDER not in child.names]
+        for child in every:
             if child.process.is_alive():
                 os.kill(child.pid, signal.SIGCONT)  # who is stopped could neither save nor take what others have
         for group in (others, recorders):
@@ -349,7 +394,7 @@ class Launcher:
                 if child.process.is_alive():
                     child.process.kill()
                     child.process.join()
-        for child in self._children:
+        for child in every:
             child.pipe.close()
 
 
@@ -364,6 +409,29 @@ class _Task:
     patient: bool
     supervised: Supervised
     machines: Machines | None
+    fault: Fault | None = None
+    """That which makes room for this process; None of one that is there from the start."""
+
+
+class _Deed(NamedTuple):
+    """Something that a fault does to a process: a signal; None starts the one that takes its place."""
+
+    due_ns: int
+    fault: Fault
+    signal: int | None
+
+
+def deeds_of(faults: Sequence[Fault], clock: WallClock) -> list[_Deed]:
+    """What faults do to processes, in the order in which it is due on that clock."""
+    found = []
+    for fault in faults:
+        begins = signal.SIGSTOP if fault.kind is FaultKind.STALL else signal.SIGKILL
+        found.append(_Deed(clock.instant_ns(fault.from_tick), fault, begins))
+        if fault.kind is FaultKind.STALL:
+            found.append(_Deed(clock.instant_ns(fault.until_tick), fault, signal.SIGCONT))
+        elif fault.kind is FaultKind.RESTART:
+            found.append(_Deed(birth_ns(fault, clock), fault, None))
+    return sorted(found, key=lambda deed: deed.due_ns)
 
 
 def _ending(exitcode: int | None) -> str:
@@ -376,12 +444,17 @@ def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
     enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
     label = f"node {', '.join(task.names)}"
+    plan = task.plan if task.fault is None else replace(task.plan, birth=_sleep_until_born(task.supervised, pipe))
+
+    def on_begin(start_ns: int) -> None:
+        _tell(pipe, "begin", start_ns)
 
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:
         _tell(pipe, "progress", (tick, dict(fired)))
 
     try:
-        host = host_of(task.plan)(task.plan, task.names, task.open_sink, on_progress, task.patient, task.supervised)
+        kind = host_of(plan)
+        host = kind(plan, task.names, task.open_sink, on_progress, task.patient, task.supervised, on_begin)
         outcome = host.run()
     except EtacError as error:
         _tell(pipe, "fault", error)
@@ -394,6 +467,22 @@ def _play(task: _Task, pipe: Connection) -> None:
     task.supervised.signs.take_leave(task.supervised.place)
     _tell(pipe, "outcome", outcome)
     leave_process(0)
+
+
+def _sleep_until_born(supervised: Supervised, pipe: Connection) -> Birth:
+    """Wait until there is a dead process whose place is to be taken; end with the launcher, or when it says so."""
+    for number in ENDING:
+        # As in any process of a run: a terminal sends all to everybody, but the launcher ends them, by SIGTERM.
+        signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
+    let_through()
+    try:
+        while not pipe.poll(_LOOKS_S):
+            if os.getppid() != supervised.parent:
+                leave_process(1)
+        birth: Birth = pipe.recv()
+    except (EOFError, OSError):
+        leave_process(1)
+    return birth
 
 
 def _tell(pipe: Connection, kind: str, content: Any) -> None:

@@ -10,12 +10,18 @@ from typing import Any
 
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.faults import Fault
 from etac_ros.graph.graph import Graph, Link, Reliability
 from etac_ros.graph.topics import RECORDED, ledger_topic, next_topic, truth_topic, window_topic
+from etac_ros.maths.ticks import NANOSECONDS
+from etac_ros.maths.wall_clock import WallClock
 from etac_ros.timing.duties import Duties
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.membership import mortals, restarts_of, surely_there
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 _BY_HAND = "by hand"
+_LOOKS_FOR_NS = 5 * NANOSECONDS
+"""How long a process that takes the place of a dead one may be about finding the others, by far."""
 COORDINATOR = "/coordinator"
 RECORDER = "/recorder"
 
@@ -40,6 +46,25 @@ class RealTime:
 
 
 @dataclass(frozen=True)
+class Birth:
+    """A process that takes the place of one that a fault has killed, while the run is under way.
+
+    Attributes
+    ----------
+    incarnation
+        Which of its node's processes it is: 1, 2, ...
+    fault
+        Which made room for it.
+    clock
+        The instants of ticks on the wall clock.
+    """
+
+    incarnation: int
+    fault: Fault
+    clock: WallClock
+
+
+@dataclass(frozen=True)
 class Plan:
     """The distribution of one run.
 
@@ -60,10 +85,17 @@ class Plan:
     wall
         How it runs in real time; None for simulated time.
     pace
-        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit, and concerns
+        the coordinator alone.
+    faults
+        In real time: what the launcher does to processes. In simulated time the graph has them.
+    birth
+        Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
-        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
-        it would make slower.
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, unless they
+        are asked to, since it makes their start slower.
+    told
+        The complete parameters of the run as JSON, for who listens.
     """
 
     scenario: str
@@ -75,12 +107,36 @@ class Plan:
     quiet_s: float = QUIET_S
     wall: RealTime | None = None
     pace: float | None = None
+    faults: tuple[Fault, ...] = ()
+    birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
+    told: str = ""
+
+    @property
+    def windows_ahead(self) -> WindowPolicy:
+        """How far plants are asked to compute ahead; who does what, on which all agree, goes by ``windows``."""
+        return short_windows(self.windows, self.pace, self.graph.ticks_per_second)
 
     @property
     def clock(self) -> str:
         """Which time it runs in: ``wall``, or empty for simulated time."""
         return "" if self.wall is None else "wall"
+
+    @cached_property
+    def mortals(self) -> frozenset[str]:
+        """Nodes of which a fault kills a process."""
+        return mortals(self.faults)
+
+    @cached_property
+    def revived(self) -> frozenset[str]:
+        """Those of them in whose place others are started."""
+        return frozenset(name for name in self.mortals if restarts_of(self.faults, name))
+
+    def surely_there(self, name: str) -> bool:
+        """Whether a process of this plan may wait until it has found a node: it is not dead meanwhile."""
+        if self.birth is None or name not in self.mortals:
+            return True
+        return surely_there(self.faults, name, self.birth.fault, self.birth.clock, _LOOKS_FOR_NS)
 
     @cached_property
     def modules(self) -> tuple[str, ...]:

@@ -93,7 +93,9 @@ class RunNode:
         qos: Qos = USUAL_QOS,
     ) -> Publisher:
         """A counting publisher of this node."""
-        publisher = Publisher(self.ros_node, kind, topic, listeners, foreign, latched, qos)
+        there = [name for name in listeners if self.plan.surely_there(name)]
+        publisher = Publisher(self.ros_node, kind, topic, there, foreign, latched, qos)
+        publisher.on_sent = self._spinner.sent
         self._publishers.append(publisher)
         return publisher
 
@@ -103,7 +105,6 @@ class RunNode:
         topic: str,
         callback: Callback,
         *,
-        raw: bool = False,
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
@@ -116,13 +117,14 @@ class RunNode:
             kind,
             topic,
             callback,
-            raw=raw,
             latched=latched,
             shared=shared,
             foreign=foreign,
             qos=qos,
             read=read,
         )
+        if not self.plan.surely_there(self.plan.sender_of(topic)):
+            subscription.expect_nobody()
         self._subscriptions.append(subscription)
         self._spinner.add(subscription)
         return subscription
@@ -133,12 +135,12 @@ class RunNode:
         """A subscription to notes of this run; what else comes on the topic is counted and ignored."""
         return self.subscription(String, topic, callback, latched=latched, shared=shared, read=self._read)
 
-    def note(self, content: Any) -> String:
+    def note(self, content: Any) -> bytes:
         """A note of this run."""
         return write_note(content, self.plan.run_id)
 
-    def _read(self, message: String) -> Any:
-        return read_note(message, self.plan.run_id)
+    def _read(self, data: bytes) -> Any:
+        return read_note(data, self.plan.run_id)
 
     def _hear_as_all_do(self, topic: str, callback: Callback) -> None:
         """Hear what the coordinator tells everybody; the nodes of a process share one subscription."""
@@ -166,23 +168,22 @@ class RunNode:
         return f"{sender}, a foreign node" if sender in self.plan.graph.external else sender
 
     def deserted(self) -> list[str]:
-        """Nodes that should send something to this one, and are not there."""
+        """Nodes that should send something to this one, and are not there, though no fault kills them."""
         topics = {subscription.topic for subscription in self._subscriptions if subscription.deserted()}
-        return sorted({self.plan.sender_of(topic) for topic in topics})
+        return sorted({self.plan.sender_of(topic) for topic in topics} - self.plan.mortals)
 
     def announce(self) -> None:
         """Tell the coordinator that this node is ready."""
-        self._joining.publish(
-            self.note(
-                {
-                    "node": self.name,
-                    "scenario": self.plan.scenario,
-                    "digest": self.plan.digest,
-                    "clock": self.plan.clock,
-                    "pid": os.getpid(),
-                }
-            )
-        )
+        words = {
+            "node": self.name,
+            "scenario": self.plan.scenario,
+            "digest": self.plan.digest,
+            "clock": self.plan.clock,
+            "pid": os.getpid(),
+        }
+        if self.plan.birth is not None:
+            words["incarnation"] = self.plan.birth.incarnation
+        self._joining.publish(self.note(words))
 
     def say_fault(self, text: str) -> None:
         """Tell the coordinator that this node has failed."""

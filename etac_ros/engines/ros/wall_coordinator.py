@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 from etac_ros.engines.ros.convener import Convener
 from etac_ros.engines.ros.coordinator import Progress
@@ -17,7 +19,9 @@ from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.wall_check import mismatch
 from etac_ros.engines.ros.wall_node import TimedNode
 from etac_ros.errors import RunError
+from etac_ros.graph.topics import ADMITTED
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
+from etac_ros.timing.membership import Membership
 
 _LEAD_NS = 3 * NANOSECONDS // 10
 """From the note that the run begins to tick 0: long enough for everybody to hear it, and for the first windows."""
@@ -41,6 +45,8 @@ class WallCoordinatorNode(Convener, TimedNode):
         As for :class:`~etac_ros.engines.ros.run_node.RunNode`.
     on_progress
         Told the tick now and then.
+    on_begin
+        Told the instant of tick 0 on the wall clock [ns], as soon as it is known.
 
     Attributes
     ----------
@@ -48,10 +54,20 @@ class WallCoordinatorNode(Convener, TimedNode):
         Why a watch ended the run; empty otherwise.
     """
 
-    def __init__(self, plan: Plan, spinner: Spinner, context: Context, on_progress: Progress) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        spinner: Spinner,
+        context: Context,
+        on_progress: Progress,
+        on_begin: Callable[[int], None] = lambda start_ns: None,
+    ) -> None:
         Convener.__init__(self, plan, spinner, context)
         self.halted = ""
         self._on_progress = on_progress
+        self._on_begin = on_begin
+        self._membership = Membership(plan.faults)
+        self._admitted = self.publisher(String, ADMITTED, latched=True) if plan.revived else None
         self._ended_at: int | None = None
         self._next_clock = self._next_tell = 0
         self._noted_ns = self._stopped_ns = 0
@@ -69,6 +85,7 @@ class WallCoordinatorNode(Convener, TimedNode):
         """Tick 0 is near."""
         TimedNode.on_start(self)
         assert self.wall is not None
+        self._on_begin(self.wall.start_ns)
         self.began = time.perf_counter() + (self.wall.start_ns - time.time_ns()) / NANOSECONDS
 
     def next_wake_ns(self) -> int | None:
@@ -133,6 +150,20 @@ class WallCoordinatorNode(Convener, TimedNode):
         self._stopped_ns = self._noted_ns = time.monotonic_ns()
         self.end("")
 
+    def _on_join(self, join: Any, sequence: int) -> None:
+        returns = isinstance(join, dict) and join.get("run") == self.plan.run_id and join.get("incarnation")
+        if not returns or self._admitted is None or self.wall is None:
+            super()._on_join(join, sequence)
+            return
+        node, incarnation = str(join["node"]), int(join["incarnation"])
+        if reason := self._membership.refuses(node, incarnation, self._now()):
+            raise RunError(
+                f"node {node} (process {join['pid']})", reason,
+                "only processes that take the place of those that a fault of the scenario has killed",
+                "give each run a domain of its own",
+            )  # fmt: skip
+        self._admitted.publish(self.note({"start": self.start, "nodes": self._membership.present}))
+
     def _on_fault(self, content: Any, sequence: int) -> None:
         if "halt" not in content:
             super()._on_fault(content, sequence)
@@ -145,7 +176,12 @@ class WallCoordinatorNode(Convener, TimedNode):
         super()._on_leave(content, sequence)
 
     def _see_off(self, now: int) -> None:
-        missing = [name for name in self.plan.nodes if name != COORDINATOR and name not in self.leave_notes]
+        tick = self._now()
+        missing = [
+            name
+            for name in self.plan.nodes
+            if name != COORDINATOR and name not in self.leave_notes and self._membership.owes(name, tick)
+        ]
         if self.fault or missing:
             if now - self._stopped_ns > self.plan.quiet_s * NANOSECONDS and not self.fault:
                 raise RunError(f"node {', '.join(missing)}", f"has not left within {self.plan.quiet_s:g} s")

@@ -41,7 +41,9 @@ class WallHost(Host):
 
     def _node(self, name: str, context: Context) -> TimedNode:
         if name == COORDINATOR:
-            self._wall_coordinator = WallCoordinatorNode(self._plan, self._spinner, context, self._on_progress)
+            self._wall_coordinator = WallCoordinatorNode(
+                self._plan, self._spinner, context, self._on_progress, self._on_begin
+            )
             self._coordinator = self._wall_coordinator
             return self._wall_coordinator
         if name == RECORDER:

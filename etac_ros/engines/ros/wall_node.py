@@ -9,22 +9,23 @@ from typing import Any, ClassVar
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, Header
 
-from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode, decode_window, encode, encode_truth, encode_window, message_type
+from etac_ros.bag.codec import decode, encode_truth
+from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
+from etac_ros.engines.ros.messages import decode_window, encode, encode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.engines.ros.wall_time import Tie
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import Link
 from etac_ros.graph.ledger import to_rows
-from etac_ros.graph.topics import LEAVE, ledger_topic, truth_topic, window_topic
+from etac_ros.graph.topics import ADMITTED, LEAVE, ledger_topic, truth_topic, window_topic
 from etac_ros.graph.truth import MOST_SAMPLES
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
+from etac_ros.timing.membership import Succession, births_ns
 from etac_ros.timing.wall import Effect, Halt, Overrun, WallModule, WallPlant, WallWorker
 from etac_ros.timing.worker import Commit, Offer, Send
 
@@ -50,12 +51,25 @@ class TimedNode(RunNode):
     wall: WallClock | None = None
 
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
+        self._successions: dict[str, Succession] = {}
         super().__init__(plan, name, spinner, context)
         self._tie = Tie()
         self._diagnostics = self.ros_node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._diagnosed_ns = 0
         self._foreign_ends: list[Subscription] = []
         self._last_words: dict[str, Any] = {}
+        if plan.birth is not None:
+            self.note_subscription(ADMITTED, self._on_admitted, latched=True)
+
+    def subscription(self, kind: type, topic: str, callback: Callback, **how: Any) -> Subscription:
+        """A subscription of this node; where processes die and others come, it knows one from the other."""
+        subscription = super().subscription(kind, topic, callback, **how)
+        if self.plan.mortals and not (how.get("latched") or how.get("shared") or how.get("foreign")):
+            late = self.plan.birth is not None or self.name in self.plan.mortals
+            clock = None if self.plan.birth is None else self.plan.birth.clock
+            births = () if clock is None else births_ns(self.plan.faults, self.plan.sender_of(topic), clock)
+            subscription.succession = self._successions[topic] = Succession(births, late)
+        return subscription
 
     def next_wake_ns(self) -> int | None:
         """When there is something to do unasked, on the monotonic clock [ns]; None if there is nothing."""
@@ -71,13 +85,15 @@ class TimedNode(RunNode):
         """Take over the instants of ticks."""
         content = self.start
         self.wall = WallClock(int(content["t0_ns"]), int(content["ticks_per_second"]), Fraction(content["rate"]))
+        for topic, succession in self._successions.items():
+            succession.births_ns = births_ns(self.plan.faults, self.plan.sender_of(topic), self.wall)
         until = self.wall.instant_ns(self.plan.graph.end_tick) + _GRACE_NS
         for subscription in self._foreign_ends:
             subscription.period = (self.wall.start_ns, until)
 
     def settle(self) -> None:
         """After the end: tell the coordinator the counts whenever they have changed; it knows when all fit."""
-        if self.stop is None or self.finished:
+        if self.stop is None or self.finished or not self.started:
             return
         words = self.leave_note()
         told: dict[str, Any] = {key: words[key] for key in ("heard", "received") if key in words}
@@ -116,13 +132,28 @@ class TimedNode(RunNode):
 
     def leave_note(self) -> dict[str, Any]:
         """The counts, and how far somebody has set the wall clock meanwhile."""
-        return {**super().leave_note(), "stepped_s": self._tie.stepped_s()}
+        words = {**super().leave_note(), "stepped_s": self._tie.stepped_s()}
+        if self.plan.mortals:
+            words["incarnation"] = self._incarnation
+            words["spans"] = {topic: succession.noted() for topic, succession in self._successions.items()}
+        return words
 
-    def _listen(self, link: Link, callback: Any, raw: bool) -> Subscription:
+    @property
+    def _incarnation(self) -> int:
+        return 0 if self.plan.birth is None else self.plan.birth.incarnation
+
+    def _on_start(self, content: Any, sequence: int) -> None:
+        if self.plan.birth is None:
+            super()._on_start(content, sequence)
+        # Who comes later is told when it is let in: it has heard this, and the coordinator has not heard of it yet.
+
+    def _on_admitted(self, content: Any, sequence: int) -> None:
+        if content["nodes"].get(self.name) == self._incarnation:
+            super()._on_start(content["start"], sequence)
+
+    def _listen(self, link: Link, callback: Any) -> Subscription:
         foreign = link.sender in self.plan.graph.external
-        subscription = self.subscription(
-            message_type(link.wire), link.topic, callback, raw=raw, foreign=foreign, qos=link.qos
-        )
+        subscription = self.subscription(message_type(link.wire), link.topic, callback, foreign=foreign, qos=link.qos)
         if foreign:
             self._foreign_ends.append(subscription)
         return subscription
@@ -155,16 +186,16 @@ class WallNode(TimedNode):
         super().on_start()
         self._warm_up()
         self._noted_ns = time.monotonic_ns()
-        self.worker.begin(self.monotonic, time.monotonic_ns())
+        birth = self.plan.birth
+        since = None if birth is None else birth.fault.until_tick
+        self.worker.begin(self.monotonic, time.monotonic_ns(), since)
 
     def _warm_up(self) -> None:
         """Go through what every message costs, before tick 0: the first time takes several times as long."""
         graph = self.plan.graph
         for link in (*graph.sends[self.name], *graph.hears[self.name]):
-            kind = message_type(link.wire)
             for _ in range(_ROUNDS):
-                data = serialize_message(encode(link.wire, np.zeros(link.wire.size), 0))
-                decode(deserialize_message(data, kind))
+                decode(link.wire.type_name, encode(link.wire, np.zeros(link.wire.size), 0))
 
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
@@ -218,11 +249,11 @@ class WallNode(TimedNode):
         self._ledger.drain(1.0)
 
     def _hear(self, link: Link) -> Subscription:
-        def on_message(message: Any, sequence: int) -> None:
+        def on_message(data: bytes, sequence: int) -> None:
             sent = subscription.source_ns - self._tie.ahead_ns
-            self._take(link, sequence, decode(message), sent, time.monotonic_ns())
+            self._take(link, sequence, decode(link.wire.type_name, data), sent, time.monotonic_ns())
 
-        subscription = self._listen(link, on_message, raw=False)
+        subscription = self._listen(link, on_message)
         return subscription
 
     def _take(self, link: Link, sequence: int, value: FloatArray, sent_ns: int, now_ns: int) -> None:
@@ -268,7 +299,8 @@ class WallModuleNode(WallNode):
     worker: WallModule
 
     def __init__(self, plan: Plan, name: str, spinner: Spinner, context: Context) -> None:
-        self.worker = WallModule(plan.graph, name, self._on_effect)
+        incarnation = 0 if plan.birth is None else plan.birth.incarnation
+        self.worker = WallModule(plan.graph, name, self._on_effect, incarnation)
         super().__init__(plan, name, spinner, context)
         graph = plan.graph
         if name in graph.reporters and name in graph.reads:
@@ -278,9 +310,9 @@ class WallModuleNode(WallNode):
         self.worker.on_message(link, sequence, value, sent_ns, now_ns)
 
     def _see(self, plant: str) -> None:
-        def on_window(message: Any, sequence: int) -> None:
+        def on_window(data: bytes, sequence: int) -> None:
             if self.stop is None:
-                window, _ = decode_window(message, plant)
+                window, _ = decode_window(data, plant)
                 self.worker.on_window(window, time.monotonic_ns())
 
         foreign = plant in self.plan.graph.external
@@ -304,6 +336,15 @@ class WallPlantNode(WallNode):
         self._truth = self.publisher(Float64MultiArray, truth_topic(name), (RECORDER,))
         self._committed: list[FloatArray] = []
         self._first = 0
+        self._new_readers = not plan.revived.isdisjoint(readers)
+        self._ends = 0
+
+    def turn(self) -> None:
+        """As any node; and show a window to a reader that has come anew."""
+        if self._new_readers and (ends := self._windows.ends) != self._ends:
+            self._ends = ends
+            self.worker.show_again(time.monotonic_ns())
+        super().turn()
 
     def abort(self) -> None:
         """Publish the rest of what is final."""
