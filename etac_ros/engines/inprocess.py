@@ -27,7 +27,7 @@ class InProcess:
     windows
         How far plants compute ahead.
     trace
-        Called with every order and its report; for tests and for teaching.
+        Called with every order and its report; for tests and for teaching. An attribute, too.
     before
         Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
         attribute, too.
@@ -58,7 +58,7 @@ class InProcess:
         self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
         self._graph = graph
         self._untold = windows.first
-        self._trace = trace
+        self.trace = trace
         self.before = before
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
@@ -91,9 +91,9 @@ class InProcess:
             if self.before is not None:
                 self.before(self.master.tick)
             reports = [does[type(order)](order) for order in orders]
-            if self._trace is not None:
+            if self.trace is not None:
                 for order, report in zip(orders, reports, strict=True):
-                    self._trace(order, report)
+                    self.trace(order, report)
             try:
                 orders = batches.send(reports)
             except StopIteration:
