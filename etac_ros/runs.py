@@ -401,6 +401,26 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+    """What runs a graph of a scenario by calls, with the windows that suit calls.
+
+    Parameters
+    ----------
+    scenario
+        What is run.
+    graph
+        Built from it, and not used yet.
+    pace
+        Simulated seconds a second at most; None lets it run.
+    """
+    asked = windows_of(scenario)
+    # A window costs no message here, so a long one only computes more samples that are then dropped.
+    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
+    windows = short_windows(windows, pace, graph.ticks_per_second)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+
+
 def _simulated(
     scenario: Scenario,
     graph: Graph,
@@ -410,12 +430,7 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
-    asked = windows_of(scenario)
-    # A window costs no message here, so a long one only computes more samples that are then dropped.
-    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
-    windows = short_windows(windows, pace, graph.ticks_per_second)
-    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    engine = InProcess(graph, windows, before=wait, trimmed=True)
+    engine = engine_by_calls(scenario, graph, pace)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
