@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
+from etac_ros.bag.contents import Contents
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
@@ -26,8 +27,9 @@ from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
-from etac_ros.bag.run_metadata import of_wall_clock
+from etac_ros.bag.run_metadata import of_wall_clock, truth_every, wall_clock
 from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
+from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
@@ -52,7 +54,7 @@ from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
-from etac_ros.scenario.trust import foreign_classes
+from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, short_windows
 
 if TYPE_CHECKING:
@@ -237,6 +239,26 @@ def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool 
     return StateStreams(graph, rate_hz, wall, waits_s, scenario.build() if watched else None)
 
 
+def state_rest(contents: Contents) -> StateRest | None:
+    """What completes the state in a bag that was cut off; None where it cannot be: no class of others is imported."""
+    text = contents.attachments.get(SCENARIO_ATTACHMENT)
+    try:
+        if text is None or truth_every(contents.metadata) != 1:
+            return None
+        wall = wall_clock(contents.metadata)
+        with own_classes_only(), tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+            file = Path(folder, SCENARIO_ATTACHMENT)
+            file.write_bytes(text)
+            scenario = load(str(file))
+            state = state_streams(scenario, wall)
+    except (EtacError, ValueError):  # of another version, or not ours
+        return None
+    if state is None:
+        return None
+    rest = StateRest(state, scenario.graph, wall)
+    return rest if rest.fits(list(contents.topics.values())) else None
+
+
 def layouts_of(scenario: Scenario) -> dict[str, str]:
     """Layouts for bags of a scenario's runs, by file name: for Foxglove, and for PlotJuggler.
 
@@ -383,7 +405,8 @@ def _simulated(
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
-    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    engine = InProcess(graph, windows, before=wait, trimmed=True)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -431,7 +454,8 @@ def _show(scenario: Scenario, engine: InProcess, viewers: Callable[[Sequence[Top
             engine.log()
             follower.follow(tick)
             told = time.perf_counter()
-        before(tick)
+        if before is not None:
+            before(tick)
 
     engine.before = look
     return follower
@@ -826,7 +850,7 @@ def make_readable(bag: Path) -> None:
     if release(bag) or not bag.is_dir():
         return
     try:
-        recover(bag)
+        recover(bag, completing=state_rest)
     except BagError as error:
         print(f"etac: the bag of the failed run could not be repaired: {error}", file=sys.stderr)
 

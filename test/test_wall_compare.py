@@ -15,7 +15,6 @@ from wall_network import WallNetwork
 
 from etac_ros.cli.compare_clocks import clocks_table, compare_clocks
 from etac_ros.cli.main import app
-from etac_ros.cli.nodes import parse_clock
 from etac_ros.engines.ros.wall_time import Tie, check_priority
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
@@ -108,23 +107,6 @@ def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypat
     with pytest.raises(ScenarioError, match=r"--priority 10: is not allowed to this user\n.*\n.*rtprio"):
         check_priority(10)
     assert os.sched_getscheduler(0) == before
-
-
-def test_executables_take_the_clock() -> None:
-    assert parse_clock("sensor", ["--clock", "wall", "--rate", "20", "--ros-args", "-r", "__ns:=/pm"]) == (
-        20.0,
-        ["--ros-args", "-r", "__ns:=/pm"],
-    )
-    assert parse_clock("sensor", ["--clock", "wall"]) == (1.0, [])
-    assert parse_clock("sensor", []) == (None, [])
-    for wrong, said in (
-        (["--clock"], "has no value"),
-        (["--clock", "sundial"], "is no clock"),
-        (["--rate", "2"], "is for --clock wall"),
-        (["--clock", "wall", "--rate", "fast"], "is no number"),
-    ):
-        with pytest.raises(ScenarioError, match=said):
-            parse_clock("sensor", wrong)
 
 
 def test_the_two_clocks_of_a_machine_are_tied_closely() -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 
 Sent = list[tuple[Link, FloatArray]]
+_FLOAT64 = np.dtype(np.float64)
 
 
 class Driver:
@@ -43,7 +43,7 @@ class Driver:
         self._connected = {link.port for link in self._links}
         self._senders = {link.name: link.sender for link in graph.hears[name]}
         self._component = Component(name, self.module)
-        self._wires = {port: self.module.wire(port) for port in self.module.outputs}
+        self._take_ports()
         self._advanced = -1
         self._faults = graph.faults_of(name)
         # Whoever takes its place after a restart, and from which tick on.
@@ -55,7 +55,7 @@ class Driver:
         """Take a new window; everything before its start is committed."""
         self._advance(window.start - 1)
         # An array of its own: nobody else's samples change where a class works in place.
-        self.window = replace(window, samples=window.samples.copy())
+        self.window = Window(window.plant, window.epoch, window.start, window.samples.copy())
 
     def pass_over(self, tick: int) -> None:
         """Commit memory up to a tick at which nothing is done: in real time it may be too late to act."""
@@ -127,11 +127,13 @@ class Driver:
         return self._received(tick, arrivals, self._connected if self.module.answers else None)
 
     def _received(self, tick: int | None, arrivals: tuple[Arrival, ...], expected: set[str] | None) -> Sent:
+        sizes = self.module.inputs
         for arrival in arrivals:
-            self._check_size(arrival)
+            if arrival.value.shape != (sizes[arrival.port],):
+                raise self._wrong_size(arrival)
         # Likewise: a value goes to several receivers.
-        own = tuple(replace(arrival, value=arrival.value.copy()) for arrival in arrivals)
-        given: tuple[Any, ...] = tuple(arrival.value for arrival in arrivals)
+        own = tuple([Arrival(port, link, value.copy()) for port, link, value in arrivals])
+        given = [arrival.value for arrival in arrivals]
         sample = None
         if tick is not None:
             self._replace(tick)
@@ -146,7 +148,11 @@ class Driver:
         while self._spares and self._spares[0][0] <= tick:
             _, self.module = self._spares.popleft()
             self._component = Component(self.name, self.module)
-            self._wires = {port: self.module.wire(port) for port in self.module.outputs}
+            self._take_ports()
+
+    def _take_ports(self) -> None:
+        self._wires = {port: self.module.wire(port) for port in self.module.outputs}
+        self._sizes = {port: (size,) for port, size in self.module.outputs.items()}
 
     def _advance(self, tick: int) -> None:
         self._replace(tick)
@@ -166,15 +172,13 @@ class Driver:
             )
         return window.at(tick)
 
-    def _check_size(self, arrival: Arrival) -> None:
+    def _wrong_size(self, arrival: Arrival) -> ProtocolError:
         """Refuse a message of another size; only a foreign node can send one."""
-        size = self.module.inputs[arrival.port]
-        if arrival.value.shape != (size,):
-            raise ProtocolError(
-                f"node {self._senders[arrival.link]}",
-                f"has sent {arrival.value.size} components to {self.name}:{arrival.port}, on link {arrival.link}",
-                f"{size} components",
-            )
+        return ProtocolError(
+            f"node {self._senders[arrival.link]}",
+            f"has sent {arrival.value.size} components to {self.name}:{arrival.port}, on link {arrival.link}",
+            f"{self.module.inputs[arrival.port]} components",
+        )
 
     def _sent(self, method: str, outputs: Any, given: tuple[Any, ...], expected: set[str] | None) -> Sent:
         """What goes out on each link: checked, and rounded to the wire.
@@ -190,7 +194,7 @@ class Driver:
         expected
             The connected ports on which the role has promised a message, and no others; None for no such promise.
         """
-        if not isinstance(outputs, Mapping):
+        if type(outputs) is not dict and not isinstance(outputs, Mapping):
             raise self._component.broken(
                 method, f"returned {shown(outputs)}", "a dict of arrays by output port; an empty one sends nothing"
             )
@@ -201,12 +205,20 @@ class Driver:
             if port not in self.module.outputs:
                 ports = ", ".join(map(repr, self.module.outputs)) or "none: it has no output port"
                 raise self._component.broken(method, f"names the port {port!r}", f"one of {ports}")
-            where = f"{method}, port '{port}',"
-            array = self._component.array((self.module.outputs[port],), where, value)
-            rounded[port] = self._wires[port].rounded(array)
-            if not all_finite(rounded[port]) and are_finite(given):
-                raise self._component.broken(where, f"sends {array.tolist()}", "finite numbers on the wire")
-        if expected is not None and not self.module.halt and self._connected.intersection(rounded) != expected:
+            size = self._sizes[port]
+            if type(value) is not np.ndarray or value.dtype is not _FLOAT64 or value.shape != size:
+                value = self._component.array(size, f"{method}, port '{port}',", value)
+            rounded[port] = on_wire = self._wires[port].rounded(value)
+            if not all_finite(on_wire) and are_finite(given):
+                raise self._component.broken(
+                    f"{method}, port '{port}',", f"sends {value.tolist()}", "finite numbers on the wire"
+                )
+        if (
+            expected is not None
+            and not self.module.halt
+            and rounded.keys() != expected
+            and self._connected.intersection(rounded) != expected
+        ):
             names = ", ".join(sorted(map(repr, rounded))) or "nothing"
             raise self._component.broken(
                 method, f"sends {names}", f"a message on {', '.join(sorted(map(repr, expected)))}, by its role"

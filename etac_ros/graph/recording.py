@@ -44,26 +44,26 @@ class Recording:
         By link name, in order of sequence number.
     truth
         Committed samples of each plant as (first tick, samples) chunks without gaps; of a very long run on disk.
-    every
-        Ticks from one sample to the next, where a bag keeps only a part of them (and the last); 0 where it keeps none.
-        Whatever needs all of them, :meth:`samples` above all, is refused then.
-    at
-        By plant, the ticks of the samples where they are neither all nor evenly spaced: those that a view shows.
     air
         What became of frames on shared media, in the order in which it did.
     wall
         The instants of ticks, of a run in real time; None of one in simulated time.
     ledgers
         What each node of a run in real time noted down.
+    every
+        Ticks from one sample to the next, where a bag keeps only a part of them (and the last); 0 where it keeps none.
+        Whatever needs all of them, :meth:`samples` above all, is refused then.
+    at
+        By plant, the ticks of the samples where they are neither all nor evenly spaced: those that a view shows.
     """
 
     messages: dict[str, list[Message]] = field(default_factory=dict)
     truth: Mapping[str, Sequence[Chunk]] = field(default_factory=dict)
-    every: int = 1
-    at: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
     air: list[Fate] = field(default_factory=list)
     wall: WallClock | None = None
     ledgers: dict[str, list[Entry]] = field(default_factory=dict)
+    every: int = 1
+    at: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
     _taken: dict[str, dict[tuple[int, int], int]] = field(default_factory=dict, repr=False, compare=False)
     _landed: tuple[int, dict[str, dict[int, int]]] | None = field(default=None, repr=False, compare=False)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)

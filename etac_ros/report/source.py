@@ -185,8 +185,8 @@ def read_run(bag: Path, trust: bool = False, shown: bool = False) -> ReportedRun
         recording = with_peaks(graph, recording)
         left_out += (" " if left_out else "") + (
             "This run is very long: curves show the largest and the smallest value of each of many spans, which are "
-            "short at first. Figures are those of all samples. Left out is what trigger rules compared, and what is "
-            "watched."
+            "short at first. Figures are those of all samples; what trigger rules compared and what is watched is left "
+            "out."
         )
     return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
 

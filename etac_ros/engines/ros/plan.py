@@ -96,6 +96,8 @@ class Plan:
         are asked to, since it makes their start slower.
     told
         The complete parameters of the run as JSON, for who listens.
+    ros_args
+        Of a node that is started by hand: what is for its own logging and security, as behind ``--ros-args``.
     """
 
     scenario: str
@@ -111,6 +113,7 @@ class Plan:
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
     told: str = ""
+    ros_args: tuple[str, ...] = ()
 
     @property
     def windows_ahead(self) -> WindowPolicy:
