@@ -258,7 +258,7 @@ def main(
     least, middle = min(plain), statistics.median(plain)
     point = min(next(iter(floors.values())))
     section.say(
-        f"{scenario} with a process a node, {runs} {'run' if runs == 1 else 'runs'}: the loop takes {least:.3f} s at least, {middle:.3f} s in the "
+        f"{scenario}, a process a node, {runs} rounds: the loop takes {least:.3f} s at least, {middle:.3f} s in the "
         f"median, {statistics.median(timed):.3f} s while its layers are timed. It has {counted:,} hops, messages that "
         f"somebody waits for: {1e6 * least / counted:.0f} us of the loop each (hops may run side by side), "
         f"{least / counted / point:.1f} times a bare one."

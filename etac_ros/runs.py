@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
+from etac_ros.bag.contents import Contents
 from etac_ros.bag.definitions import schema_text, type_hash
 from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
@@ -26,8 +27,9 @@ from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
-from etac_ros.bag.run_metadata import of_wall_clock
+from etac_ros.bag.run_metadata import of_wall_clock, truth_every, wall_clock
 from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
+from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
@@ -52,7 +54,7 @@ from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
-from etac_ros.scenario.trust import foreign_classes
+from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, short_windows
 
 if TYPE_CHECKING:
@@ -118,8 +120,17 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
+    first_ticks(scenario)()
+
+
+def first_ticks(scenario: Scenario) -> Callable[[], None]:
+    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    def run() -> None:
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    return run
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -235,6 +246,26 @@ def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool 
     watched = wall is None and any(watchers_of(graph, plant) for plant in graph.plants)
     waits_s = LIVE_WAITS_S if live else WAITS_S
     return StateStreams(graph, rate_hz, wall, waits_s, scenario.build() if watched else None)
+
+
+def state_rest(contents: Contents) -> StateRest | None:
+    """What completes the state in a bag that was cut off; None where it cannot be: no class of others is imported."""
+    text = contents.attachments.get(SCENARIO_ATTACHMENT)
+    try:
+        if text is None or truth_every(contents.metadata) != 1:
+            return None
+        wall = wall_clock(contents.metadata)
+        with own_classes_only(), tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+            file = Path(folder, SCENARIO_ATTACHMENT)
+            file.write_bytes(text)
+            scenario = load(str(file))
+            state = state_streams(scenario, wall)
+    except (EtacError, ValueError):  # of another version, or not ours
+        return None
+    if state is None:
+        return None
+    rest = StateRest(state, scenario.graph, wall)
+    return rest if rest.fits(list(contents.topics.values())) else None
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
@@ -370,6 +401,26 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+    """What runs a graph of a scenario by calls, with the windows that suit calls.
+
+    Parameters
+    ----------
+    scenario
+        What is run.
+    graph
+        Built from it, and not used yet.
+    pace
+        Simulated seconds a second at most; None lets it run.
+    """
+    asked = windows_of(scenario)
+    # A window costs no message here, so a long one only computes more samples that are then dropped.
+    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
+    windows = short_windows(windows, pace, graph.ticks_per_second)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+
+
 def _simulated(
     scenario: Scenario,
     graph: Graph,
@@ -379,11 +430,7 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
-    asked = windows_of(scenario)
-    # A window costs no message here, so a long one only computes more samples that are then dropped.
-    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
-    windows = short_windows(windows, pace, graph.ticks_per_second)
-    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
+    engine = engine_by_calls(scenario, graph, pace)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -431,7 +478,8 @@ def _show(scenario: Scenario, engine: InProcess, viewers: Callable[[Sequence[Top
             engine.log()
             follower.follow(tick)
             told = time.perf_counter()
-        before(tick)
+        if before is not None:
+            before(tick)
 
     engine.before = look
     return follower
@@ -655,6 +703,7 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
+        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
@@ -686,6 +735,8 @@ def run_over_ros(
                 outcome = launcher.run()
             except BaseException:
                 make_readable(bag)
+                if wall is not None and not any(bag.glob("*.mcap")):
+                    print("etac: the run ended before anything was recorded; there is no bag", file=sys.stderr)
                 raise
             assert outcome is not None  # this part keeps time
             outlet.hand_on()
@@ -826,7 +877,7 @@ def make_readable(bag: Path) -> None:
     if release(bag) or not bag.is_dir():
         return
     try:
-        recover(bag)
+        recover(bag, completing=state_rest)
     except BagError as error:
         print(f"etac: the bag of the failed run could not be repaired: {error}", file=sys.stderr)
 

@@ -96,7 +96,7 @@ def test_a_users_class_may_compile_with_numba_itself_and_call_functions_of_ours(
 def test_kernels_of_plants_have_names_of_their_own() -> None:
     """Symbols of cached machine code are made of them: alike, they get in each other's way once both are loaded."""
     plants = (rigid, rigid_mrp, pm_sm, flexible, manoeuvre)
-    names = {plant._propagate.__qualname__ for plant in plants}
+    names = {plant._propagate.name for plant in plants}
     assert len(names) == len(plants)
 
 

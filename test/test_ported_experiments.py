@@ -12,6 +12,7 @@ from conftest import FewFigures
 from test_engines_equal import assert_same
 
 from etac_ros.engines.inprocess import InProcess
+from etac_ros.metrics.cells import energy_heading
 from etac_ros.report import write_report
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, load
@@ -95,6 +96,8 @@ def test_servo(case: str, tmp_path: Path) -> None:
     performance = run.summary.performance["/servo"]
     assert performance.attitude_error_deg is None
     assert performance.energy_n2m2s > 0.01
+    assert not performance.of_torque
+    assert energy_heading([performance]) == "input², integrated"
     voltages = np.array([message.value[0] for message in run.recording.messages["armature"]])
     assert np.abs(voltages).max() <= 0.8
     sizes = {"double": 8}.get(run.scenario.run.wire.value, 4)

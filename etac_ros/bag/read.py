@@ -152,7 +152,7 @@ class Bag:
         for plant, chunks in truth.items():
             self._check_continuous(f"truth of {plant}", chunks, every)
         fates = [fate for _, some in sorted(air, key=lambda item: item[0]) for fate in some]
-        recording = Recording(links, {**truth, **large}, every, fates, wall, ledgers)
+        recording = Recording(links, {**truth, **large}, air=fates, wall=wall, ledgers=ledgers, every=every)
         return recording, derived
 
     def _is_large(self, plant: str) -> bool:

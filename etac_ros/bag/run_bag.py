@@ -206,6 +206,8 @@ class RunBag:
             if self._every == 1:
                 self._put(*held[:5])
             else:
+                if self._live is not None:  # who looks sees all of it
+                    self._live.show(held.topic, held.cdr, held.log_time_ns)
                 self._thin_out(self._plants[held.topic], *decode_truth(held.cdr))
             if self._state is not None:
                 self._state.take_truth(self._plants[held.topic], *decode_truth(held.cdr))
@@ -228,7 +230,7 @@ class RunBag:
         self._numbers[topic] = self._numbers.get(topic, 0) + 1
         cdr = encode_truth(first, np.ascontiguousarray(samples))
         logged, published = self._instant_ns(tick)
-        self._put(topic, cdr, logged, published, self._numbers[topic])
+        self._writer.write(topic, cdr, logged, published, self._numbers[topic])
 
     def _put_last(self) -> None:
         """The last sample is kept in any case: the state at the end."""

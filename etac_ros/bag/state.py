@@ -44,7 +44,7 @@ WORLD = "world"
 SAMPLES = 500
 """So many samples a run are written, about, if no rate is asked for..."""
 _OF_ALL_PLANTS = 4000
-"""...and so many of all plants together: of a large formation each is shown more seldom, or it would be most of a bag."""
+"""...and so many of all plants together: a large formation is shown more seldom, or it would be most of its bag."""
 _AT_ONCE, WAITS_S = 4096, 1.0
 """Samples wait until there are so many, or for so long [wall s]: a batch costs hardly more than one, and no run should
 be slower for it. When they are written says nothing of what is."""

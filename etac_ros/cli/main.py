@@ -513,18 +513,19 @@ def node(
     interface: Interface = None,
 ) -> None:
     """Play one node of a run in this terminal."""
-    from etac_ros.cli.nodes import play
+    from etac_ros.cli.nodes import join_domain, play
+    from etac_ros.scenario.load import load
 
+    domain = join_domain(peers, interface)
     play(
         name,
-        [str(params_file)],
+        load(str(params_file)),
+        domain,
         bag,
         quiet_s,
         rate_of_clock(clock, rate, strict, priority),
         strict,
         priority,
-        peers,
-        interface,
         rate if clock is ClockKind.sim else None,
         port_of_live(live, live_port),
     )

@@ -21,6 +21,7 @@ from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
+_FLOAT64 = np.dtype(np.float64)
 
 
 Probe = Callable[["Component", str, tuple[Any, ...], Mapping[str, Any]], Any]
@@ -67,7 +68,13 @@ class Component:
         probe = _PROBE.get()
         if probe is not None:
             return probe(self, method, arguments, named)
-        return self.plain_call(method, arguments, named)
+        # As plain_call, which would cost another call.
+        try:
+            return getattr(self.owner, method)(*arguments, **named)
+        except EtacError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise failure(self.node, f"{self.name}.{method}", error) from error
 
     def plain_call(self, method: str, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
         """As :meth:`call`, whoever looks on."""
@@ -102,6 +109,8 @@ class Component:
 
     def array(self, shape: tuple[int, ...], method: str, value: Any) -> FloatArray:
         """A value as a contiguous array of float64, if it is an array of numbers of a shape."""
+        if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == shape and value.flags.c_contiguous:
+            return value
         if not isinstance(value, np.ndarray) or value.dtype.kind not in _NUMBERS or value.shape != shape:
             raise self.broken(method, f"returned {shown(value)}", f"an array of floats of shape {shape}")
         return np.ascontiguousarray(value, dtype=np.float64)

@@ -44,23 +44,26 @@ class Recording:
         By link name, in order of sequence number.
     truth
         Committed samples of each plant as (first tick, samples) chunks without gaps; of a very long run on disk.
-    every
-        Ticks from one sample to the next, where a bag keeps only a part of them (and the last); 0 where it keeps none.
-        Whatever needs all of them, :meth:`samples` above all, is refused then.
     air
         What became of frames on shared media, in the order in which it did.
     wall
         The instants of ticks, of a run in real time; None of one in simulated time.
     ledgers
         What each node of a run in real time noted down.
+    every
+        Ticks from one sample to the next, where a bag keeps only a part of them (and the last); 0 where it keeps none.
+        Whatever needs all of them, :meth:`samples` above all, is refused then.
+    at
+        By plant, the ticks of the samples where they are neither all nor evenly spaced: those that a view shows.
     """
 
     messages: dict[str, list[Message]] = field(default_factory=dict)
     truth: Mapping[str, Sequence[Chunk]] = field(default_factory=dict)
-    every: int = 1
     air: list[Fate] = field(default_factory=list)
     wall: WallClock | None = None
     ledgers: dict[str, list[Entry]] = field(default_factory=dict)
+    every: int = 1
+    at: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
     _taken: dict[str, dict[tuple[int, int], int]] = field(default_factory=dict, repr=False, compare=False)
     _landed: tuple[int, dict[str, dict[int, int]]] | None = field(default=None, repr=False, compare=False)
     _joined: dict[str, tuple[int, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
@@ -71,6 +74,11 @@ class Recording:
     """By plant of which this is a part alone: the first tick of the run."""
     _made: dict[tuple[str, str], object] | None = field(default=None, repr=False, compare=False)
     """What all parts of a recording share."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every committed sample is there."""
+        return self.every == 1 and not self.at
 
     def digest(self) -> str:
         """A number for all that happened, to the last bit: the same for two runs only if they are the same."""
@@ -90,6 +98,8 @@ class Recording:
     def span(self, plant: str) -> tuple[int, int]:
         """Tick of the first committed sample of a plant, and how many ticks there are up to the last."""
         chunks = self.truth.get(plant) or ()
+        if plant in self.at:
+            return int(self.at[plant][0]), int(self.at[plant][-1] - self.at[plant][0]) + 1
         if isinstance(chunks, StoredChunks):
             return chunks.first_tick, chunks.ticks
         if not chunks:
@@ -112,20 +122,22 @@ class Recording:
         A usual run is one part, itself. So whatever is computed tick by tick, part after part, needs little memory for
         a very long run, and has the same bits for all others.
         """
-        if self.span(plant)[1] <= PART_TICKS:
+        if self.span(plant)[1] <= PART_TICKS or self.at:
             yield self
             return
         begins = {**self._begins, plant: self.first_tick(plant)}
         made: dict[tuple[str, str], object] = {}
-        for chunk in _pieces(self.truth[plant]):
-            yield replace(self, truth={**self.truth, plant: [chunk]}, _joined={}, _begins=begins, _made=made)
+        for some in _pieces(self.truth[plant]):
+            yield replace(self, truth={**self.truth, plant: some}, _joined={}, _begins=begins, _made=made)
 
     def kept(self, plant: str) -> tuple[npt.NDArray[np.int64], FloatArray]:
         """Ticks and values of the committed samples that there are: all of them, unless a bag kept only a part."""
-        if self.every == 1:
+        if self.is_whole:
             first, states = self.samples(plant)
             return np.arange(first, first + states.shape[0], dtype=np.int64), states
         chunks = self.truth.get(plant) or [(0, _NONE)]
+        if plant in self.at:
+            return self.at[plant], np.concatenate([samples for _, samples in chunks])
         ticks = [first + self.every * np.arange(samples.shape[0], dtype=np.int64) for first, samples in chunks]
         return np.concatenate(ticks), np.concatenate([samples for _, samples in chunks])
 
@@ -174,10 +186,11 @@ class Recording:
         BagError
             If a bag kept only a part of them.
         """
-        if self.every != 1:
-            kept = f"keeps only every {self.every}th committed sample" if self.every else "keeps no committed samples"
+        if not self.is_whole:
+            kept = f"only every {self.every}th committed sample is" if self.every else "no committed samples are"
+            kept = "only what a view shows of the committed samples is" if self.at else kept
             raise BagError(
-                f"truth of {plant}", f"the bag {kept}", "all of them, for what follows from each",
+                f"truth of {plant}", f"{kept} there", "all of them, for what follows from each",
                 "record the run without --truth",
             )  # fmt: skip
         chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
@@ -188,16 +201,15 @@ class Recording:
         return chunks[0][0], joined
 
 
-def _pieces(chunks: Sequence[Chunk]) -> Iterator[Chunk]:
-    """The same samples in chunks of about ``PART_TICKS``."""
-    gathered: list[FloatArray] = []
-    start = rows = 0
+def _pieces(chunks: Sequence[Chunk]) -> Iterator[list[Chunk]]:
+    """The same chunks, so many at a time that they have about ``PART_TICKS`` samples."""
+    gathered: list[Chunk] = []
+    rows = 0
     for first, samples in chunks:
-        start = start if gathered else first
-        gathered.append(samples)
+        gathered.append((first, samples))
         rows += samples.shape[0]
         if rows >= PART_TICKS:
-            yield start, np.concatenate(gathered)
+            yield gathered
             gathered, rows = [], 0
     if gathered:
-        yield start, np.concatenate(gathered)
+        yield gathered

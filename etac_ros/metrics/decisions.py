@@ -116,7 +116,7 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     """
     module = graph.modules[name]
     restarted = any(fault.kind is FaultKind.RESTART for fault in graph.faults_of(name))
-    blind = recording.every != 1 and name in graph.reads
+    blind = not recording.is_whole and name in graph.reads
     if not isinstance(module, Triggering) or restarted or blind:
         return None
     window = _samples(graph, recording, name)

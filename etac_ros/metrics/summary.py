@@ -93,6 +93,11 @@ class Performance(_Model):
     max_attitude_error_deg: float | None = Field(description="over the steady part of the run; likewise")
     max_rate_deg_s: float | None = Field(description="over the steady part of the run; likewise")
     energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
+    of_torque: bool = Field(
+        default=True,
+        description="whether the plant's inputs are torques; if not, the energy is the integral of their square all "
+        "the same, in the units of the inputs",
+    )
 
 
 class Watched(_Model):
@@ -555,10 +560,11 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
     first, count = recording.span(name)
     late = first + min(max(steady - first, 0), count - 1)  # a run that was halted may have no steady part
     used = energy(graph, recording, name, first, first + count - 1)
+    of_torque = all("torque" in port for port in module.inputs)
     if not has_attitude(module.plant):
         return Performance(
             attitude_error_deg=None, rate_deg_s=None, max_attitude_error_deg=None, max_rate_deg_s=None,
-            energy_n2m2s=used,
+            energy_n2m2s=used, of_torque=of_torque,
         )  # fmt: skip
     largest_angle = largest_rate = -math.inf
     for part in recording.parts(name):
@@ -577,6 +583,7 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
         max_attitude_error_deg=largest_angle,
         max_rate_deg_s=largest_rate,
         energy_n2m2s=used,
+        of_torque=of_torque,
     )
 
 

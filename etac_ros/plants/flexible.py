@@ -53,7 +53,7 @@ from etac_ros.maths.mrp import (
     mrp_to_quaternion,
     switch_shadow,
 )
-from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.rk4 import Stop, propagator
 from etac_ros.maths.scratch import scratch
 from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply
@@ -342,6 +342,12 @@ class Flexible:
             state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
         )
         return result
+
+    def propagate_until(self, stop: Stop, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """As :meth:`propagate`, but no further than the first state at which to stop."""
+        return _propagate.until(
+            stop, state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
+        )
 
     def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
         """States as sensors see them, shape (n, 14).

@@ -89,9 +89,13 @@ def write_report(
     ReportError
         If the folder cannot be written to.
     """
-    run = _with_samples(bag, read_run(bag, trust))
+    run = _with_samples(bag, read_run(bag, trust, shown=True))
     view = View(
-        run, tuple(_with_samples(other, read_other(other, run, trust)) for other in others or baseline_beside(bag, run))
+        run,
+        tuple(
+            _with_samples(other, read_other(other, run, trust, shown=True))
+            for other in others or baseline_beside(bag, run)
+        ),
     )
     folder = bag / "report" if output is None else output
     try:

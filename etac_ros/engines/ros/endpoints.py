@@ -308,7 +308,7 @@ class Subscription:
         )
 
 
-_OWN_IN_TURN = 16
+_OWN_IN_TURN = 64
 """Messages of this process to itself that are taken in turn before others are looked for."""
 
 

@@ -155,7 +155,7 @@ class Host:
         context = Context()
         try:
             # Without log files: nobody reads them, and there may be no folder for them.
-            quietly = ["--ros-args", "--disable-external-lib-logs", "--disable-stdout-logs"]
+            quietly = ["--ros-args", "--disable-external-lib-logs", "--disable-stdout-logs", *self._plan.ros_args]
             rclpy.init(args=quietly, context=context, signal_handler_options=SignalHandlerOptions.NO)
             self._create(context)
         except _rclpy.RCLError as error:
