@@ -18,7 +18,6 @@ import array
 import json
 import multiprocessing
 import os
-import platform
 import statistics
 import tempfile
 import time
@@ -29,29 +28,29 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from rich.table import Table
+from section import Section
 
-from etac_ros.engines.ros import coordinator, endpoints, host, launcher, module_node, run_node
+from etac_ros.engines.ros import coordinator, host, launcher, module_node, run_node
 from etac_ros.engines.ros.domain import take_domain
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.graph.cdr import ValueLayout
 from etac_ros.graph.driver import Driver
 from etac_ros.graph.plant import PlantModule
 from etac_ros.runs import RosOptions, Run, run_over_ros
 from etac_ros.scenario.load import load
-from etac_ros.tables.terminal import make_console
+from etac_ros.tables.table import Row, Table
 from etac_ros.timing.dispatcher import Dispatcher
 
 LAYERS = {
     "wait": "in the wait set, for a message or for the processor; most of it is idle",
-    "take": "message out of DDS, with its conversion to Python",
+    "take": "message out of DDS, as bytes; the recorder's too",
     "decode": "message to value, window or note",
     "module": "the module's own work: rule, law, physics",
     "master": "the time master and the worker's queues",
     "encode": "value or window to message",
     "note": "order or report to text",
-    "serialise": "message to CDR",
-    "write": "CDR into DDS and onto its sockets",
+    "write": "bytes into DDS and onto its sockets",
 }
 ROUNDS = 2000
 _WARM_UP = 200
@@ -95,10 +94,9 @@ def instrumented(folder: Path) -> Iterator[None]:
     """Within: what processes of a run do is timed, since they are forked from this one; each leaves a file."""
     clock = Clock()
     places: list[tuple[Any, str, str]] = [
-        (endpoints, "serialize_message", "serialise"),
         (Publisher, "publish", "write"),
-        (Subscription, "take", "take"),
-        (module_node, "decode", "decode"),
+        (Subscription, "take_one", "take"),
+        (ValueLayout, "read", "decode"),
         (module_node, "decode_window", "decode"),
         (run_node, "read_note", "decode"),
         (module_node, "encode", "encode"),
@@ -220,13 +218,14 @@ def _play(domain: int, kind: type, message: Any, first: bool, pipe: Any) -> None
 def main(
     scenario: Annotated[str, typer.Option(help="Which scenario.")] = "wu2018",
     runs: Annotated[int, typer.Option(min=1, help="Runs, with a ping-pong after each.")] = 3,
+    write: Annotated[bool, typer.Option("--write", help="Into docs/performance.md.")] = False,
 ) -> None:
     """Measure and print."""
     # Not before etac_ros: a program that has loaded these may be using them, and a run would take a process of its own.
     from geometry_msgs.msg import Point32
     from std_msgs.msg import Float64MultiArray, String
 
-    console = make_console()
+    section = Section("hop", "A hop over DDS", f"./scripts/bench hop --scenario {scenario} --runs {runs}")
     loaded = load(scenario)
     floors: dict[str, list[float]] = defaultdict(list)
     plain, timed, layers = [], [], []
@@ -256,22 +255,30 @@ def main(
                 lease.release()
     assert run is not None
     counted = sum(hops(run).values())
-    console.print(f"\n{scenario}, {os.cpu_count()} cores, Python {platform.python_version()}, {platform.machine()}")
-    console.print(
-        f"loop: least {min(plain):.3f} s, median {statistics.median(plain):.3f} s; "
-        f"while layers are timed: {statistics.median(timed):.3f} s. Hops: {counted}, so "
-        f"{min(plain) / counted * 1e6:.0f} us of the loop each (hops may run side by side)"
+    least, middle = min(plain), statistics.median(plain)
+    point = min(next(iter(floors.values())))
+    section.say(
+        f"{scenario}, a process a node, {runs} rounds: the loop takes {least:.3f} s at least, {middle:.3f} s in the "
+        f"median, {statistics.median(timed):.3f} s while its layers are timed. It has {counted:,} hops, messages that "
+        f"somebody waits for: {1e6 * least / counted:.0f} us of the loop each (hops may run side by side), "
+        f"{least / counted / point:.1f} times a bare one."
     )
-    table = Table("layer", "calls", "of all processes [ms]", "a hop [us]", "what it is")
+    rows = []
     for layer, what in LAYERS.items():
         calls = statistics.median(found.get(layer, (0, 0.0))[0] for found in layers)
         seconds = statistics.median(found.get(layer, (0, 0.0))[1] for found in layers)
-        table.add_row(layer, f"{calls:.0f}", f"{1e3 * seconds:.1f}", f"{1e6 * seconds / counted:.1f}", what)
-    console.print(table)
-    table = Table("floor: one way of a bare ping-pong", "least [us]", "median [us]")
-    for label, halves in floors.items():
-        table.add_row(label, f"{1e6 * min(halves):.0f}", f"{1e6 * statistics.median(halves):.0f}")
-    console.print(table)
+        rows.append(Row((layer, f"{calls:,.0f}", f"{1e3 * seconds:.1f}", f"{1e6 * seconds / counted:.1f}", what)))
+    heads = ("layer", "calls", "of all processes [ms]", "a hop [us]", "what it is")
+    title = "Where the time goes, added up over all processes, which work side by side"
+    section.show(Table(title, heads, tuple(rows), texts=frozenset({"what it is"})))
+    rows = [
+        Row((label, f"{1e6 * min(halves):.0f}", f"{1e6 * statistics.median(halves):.0f}"))
+        for label, halves in floors.items()
+    ]
+    title = "The floor: one way of a bare ping-pong of two processes, in the same environment, between the runs"
+    section.show(Table(title, ("message", "least [us]", "median [us]"), tuple(rows)))
+    if write:
+        section.write()
 
 
 if __name__ == "__main__":

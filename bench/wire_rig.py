@@ -28,7 +28,6 @@ import rclpy
 from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from wire_path import LossyPath, open_tap
 
@@ -278,7 +277,7 @@ def _write(setting: Setting, node: Node, pipe: Connection, context: Context) -> 
     sent = []
     for number in range(setting.messages):
         value = setting.wire.rounded(np.linspace(0.1, 1.0, setting.wire.size) * (number + 1))
-        serialized = serialize_message(encode(setting.wire, value, 0))
+        serialized = encode(setting.wire, value, 0)
         sent.append(time.monotonic())
         publisher.publish(serialized)
         time.sleep(setting.pause_s)

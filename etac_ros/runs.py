@@ -9,7 +9,7 @@ import secrets
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -17,17 +17,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
+from etac_ros.bag.contents import Contents
 from etac_ros.bag.definitions import schema_text, type_hash
-from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
-from etac_ros.bag.live import LIVE_WAITS_S, LiveView, check_live
+from etac_ros.bag.live import LIVE_WAITS_S, LiveView, Viewer, Viewers, check_live
+from etac_ros.bag.monitor import EVERY_S, Monitor, Outlet, Picture
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.reserve import release, reserve
 from etac_ros.bag.run_bag import RunBag
-from etac_ros.bag.run_metadata import of_wall_clock
+from etac_ros.bag.run_metadata import of_wall_clock, truth_every, wall_clock
 from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
-from etac_ros.bag.topics import TopicDescription, recorded_topics
+from etac_ros.bag.state_rest import StateRest
+from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
 from etac_ros.capture.account import WireAccount
 from etac_ros.capture.kept import account_of, write_to_bag
@@ -38,18 +41,21 @@ from etac_ros.errors import BagError, EtacError, RunHalted, ScenarioError
 from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
+from etac_ros.graph.spool import TruthFile
 from etac_ros.graph.topics import ledger_topic, type_of, window_topic
 from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
+from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
+from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
-from etac_ros.scenario.trust import foreign_classes
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.scenario.trust import foreign_classes, own_classes_only
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.plan import RealTime
@@ -58,13 +64,13 @@ _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
-_LOOKED_AHEAD_S = 0.1
-"""How far a run that is slowed down is computed ahead of what is shown [wall s]."""
 SCENARIO_ATTACHMENT = "scenario.yaml"
 _warm: set[str] = set()
 """Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
 
 Progress = Callable[[int, Mapping[str, int]], None]
+OnPicture = Callable[[Picture], None]
+"""Takes pictures of a run as it happens."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +170,14 @@ def open_bag(
     state: StateStreams | None = None,
     wall: WallClock | None = None,
     live: int | None = None,
+    whole: TruthFile | None = None,
+    on_picture: OnPicture | None = None,
 ) -> RunBag:
     """Create the bag of a run, with the complete parameter file inside.
 
     ``state`` shows the state of its bodies, ``wall`` is the clock of a run in real time, ``live`` the
-    port on which the run is shown while it is recorded.
+    port on which the run is shown while it is recorded, ``whole`` takes all committed samples where the bag does not;
+    ``on_picture`` is given pictures of it, in this process.
     """
     attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
     # A graph of its own: laws with memory are folded over the samples in it.
@@ -178,8 +187,50 @@ def open_bag(
         metadata |= of_wall_clock(wall)
         extra += ledger_topics(scenario.graph)
         state = None if state is None else state_streams(scenario, wall, live is not None)
-    show = None if live is None else partial(LiveView, name=scenario.name, port=live)
-    return RunBag(directory, scenario.graph, attachments, metadata, extra, derive_with, state, wall, show)
+    show = _viewers(scenario, live, on_picture, wall)
+    return RunBag(
+        directory,
+        scenario.graph,
+        attachments,
+        metadata,
+        extra,
+        derive_with,
+        state,
+        wall,
+        show,
+        scenario.run.bag_compression,
+        scenario.run.truth_every,
+        whole,
+    )
+
+
+def _viewers(
+    scenario: Scenario, live: int | None, on_picture: OnPicture | None, wall: WallClock | None = None
+) -> Callable[[Sequence[TopicDescription]], Viewer] | None:
+    """Makes who is shown what is recorded, of all topics; None if nobody looks."""
+    if live is None and on_picture is None:
+        return None
+
+    def make(topics: Sequence[TopicDescription]) -> Viewer:
+        viewers: list[Viewer] = []
+        if live is not None:
+            viewers.append(LiveView(topics, scenario.name, live))
+        if on_picture is not None:
+            viewers.append(Monitor(scenario.graph, wall, on_picture))
+        return Viewers(viewers)
+
+    return make
+
+
+def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """What each node shows to ROS tools: the section of the whole run, and its own."""
+    from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+    from etac_ros.engines.ros.public import flattened
+
+    sections = scenario.sections
+    of_all = dict(flattened(sections[EVERYWHERE]))
+    names = [*scenario.nodes, COORDINATOR, RECORDER]
+    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
 
 
 def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool = False) -> StateStreams | None:
@@ -195,6 +246,26 @@ def state_streams(scenario: Scenario, wall: WallClock | None = None, live: bool 
     watched = wall is None and any(watchers_of(graph, plant) for plant in graph.plants)
     waits_s = LIVE_WAITS_S if live else WAITS_S
     return StateStreams(graph, rate_hz, wall, waits_s, scenario.build() if watched else None)
+
+
+def state_rest(contents: Contents) -> StateRest | None:
+    """What completes the state in a bag that was cut off; None where it cannot be: no class of others is imported."""
+    text = contents.attachments.get(SCENARIO_ATTACHMENT)
+    try:
+        if text is None or truth_every(contents.metadata) != 1:
+            return None
+        wall = wall_clock(contents.metadata)
+        with own_classes_only(), tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:
+            file = Path(folder, SCENARIO_ATTACHMENT)
+            file.write_bytes(text)
+            scenario = load(str(file))
+            state = state_streams(scenario, wall)
+    except (EtacError, ValueError):  # of another version, or not ours
+        return None
+    if state is None:
+        return None
+    rest = StateRest(state, scenario.graph, wall)
+    return rest if rest.fits(list(contents.topics.values())) else None
 
 
 def layouts_of(scenario: Scenario) -> dict[str, str]:
@@ -220,22 +291,6 @@ def ledger_topics(graph: Graph) -> tuple[TopicDescription, ...]:
     return tuple(TopicDescription(ledger_topic(name), TABLE_TYPE, "emulation") for name in own)
 
 
-def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
-    """Windows of a run that is slowed down: none reaches further ahead than one looks.
-
-    Raises
-    ------
-    ScenarioError
-        If the pace is none.
-    """
-    if pace is None:
-        return windows
-    if not 0.0 < pace < float("inf"):
-        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
-    longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
-    return WindowPolicy(min(windows.first, longest), longest)
-
-
 class Pace:
     """Lets simulated time go no faster than a rate.
 
@@ -257,7 +312,13 @@ class Pace:
             time.sleep(max(0.0, self._began + tick / self._ticks_a_second - time.perf_counter()))
 
 
-def run_in_process(scenario: Scenario, bag: Path | None = None, pace: float | None = None) -> Run:
+def run_in_process(
+    scenario: Scenario,
+    bag: Path | None = None,
+    pace: float | None = None,
+    live: int | None = None,
+    on_picture: OnPicture | None = None,
+) -> Run:
     """Run a scenario by calls, in this process.
 
     Parameters
@@ -268,6 +329,10 @@ def run_in_process(scenario: Scenario, bag: Path | None = None, pace: float | No
         Directory of a bag to write; None writes none.
     pace
         Simulated seconds a second at most; None lets it run. No bit depends on it.
+    live
+        As for :class:`RosOptions`.
+    on_picture
+        Given pictures of the run as it happens; None takes none.
 
     Raises
     ------
@@ -279,8 +344,10 @@ def run_in_process(scenario: Scenario, bag: Path | None = None, pace: float | No
     if bag is not None:
         check_writable(bag)
     checked_graph(scenario)
+    if live is not None:
+        check_live(live)
     warm_up(scenario)
-    run, tick = _simulated(scenario, scenario.build(), began, bag, pace)
+    run, tick = _simulated(scenario, scenario.build(), began, bag, pace, _viewers(scenario, live, on_picture))
     _raise_if_halted(scenario, run.summary.halted, tick)
     return run
 
@@ -334,23 +401,57 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
-def _simulated(
-    scenario: Scenario, graph: Graph, began: float, bag: Path | None, pace: float | None = None
-) -> tuple[Run, int]:
-    """The run, and the tick at which it ended."""
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+    """What runs a graph of a scenario by calls, with the windows that suit calls.
+
+    Parameters
+    ----------
+    scenario
+        What is run.
+    graph
+        Built from it, and not used yet.
+    pace
+        Simulated seconds a second at most; None lets it run.
+    """
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
-    engine = InProcess(graph, windows, before=Pace(pace, graph.ticks_per_second).wait)
-    started = time.perf_counter()
-    recording = engine.run()
-    ended = time.perf_counter()
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+
+
+def _simulated(
+    scenario: Scenario,
+    graph: Graph,
+    began: float,
+    bag: Path | None,
+    pace: float | None = None,
+    viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
+) -> tuple[Run, int]:
+    """The run, and the tick at which it ended."""
+    engine = engine_by_calls(scenario, graph, pace)
+    with contextlib.ExitStack() as shown:
+        if viewers is not None:
+            shown.callback(_show(scenario, engine, viewers).close)
+        started = time.perf_counter()
+        recording = engine.run()
+        ended = time.perf_counter()
     if bag is not None:
         attachments = {SCENARIO_ATTACHMENT: scenario.text.encode()}
         derive_with = scenario.build() if foreign_classes(scenario.classes) else None
         metadata = bag_metadata(scenario, "inprocess")
-        write_recording(bag, graph, recording, metadata, attachments, derive_with, state_streams(scenario))
+        write_recording(
+            bag,
+            graph,
+            recording,
+            metadata,
+            attachments,
+            derive_with,
+            state_streams(scenario),
+            scenario.run.bag_compression,
+            scenario.run.truth_every,
+        )
     summary = summarise(
         scenario,
         graph,
@@ -360,7 +461,28 @@ def _simulated(
         halted=engine.master.halted,
         bag=None if bag is None else str(bag),
     )
+    if bag is not None and scenario.run.truth_every != 1:
+        keep_in_bag(bag, summary)
     return Run(scenario, summary, recording, bag), engine.master.tick
+
+
+def _show(scenario: Scenario, engine: InProcess, viewers: Callable[[Sequence[TopicDescription]], Viewer]) -> Follower:
+    """Let viewers see what an engine does, while it waits for the next tick."""
+    follower = Follower(scenario.graph, engine.recording, viewers, state_streams(scenario, live=True))
+    told = time.perf_counter()
+    before = engine.before
+
+    def look(tick: int) -> None:
+        nonlocal told
+        if time.perf_counter() - told >= EVERY_S / 2:
+            engine.log()
+            follower.follow(tick)
+            told = time.perf_counter()
+        if before is not None:
+            before(tick)
+
+    engine.before = look
+    return follower
 
 
 @dataclass(frozen=True)
@@ -397,6 +519,9 @@ class RosOptions:
         Those that the run is spread over; None keeps to this one.
     live
         Port on which the run is shown to Foxglove while it goes on, on this machine; None shows nothing.
+    parameters
+        Whether ROS tools may read the parameters of the nodes and hear on /rosout what they say, as of nodes that are
+        started by hand. Their services make the start slower.
     """
 
     processes: str = "node"
@@ -412,6 +537,7 @@ class RosOptions:
     priority: int = 0
     machines: Machines | None = None
     live: int | None = None
+    parameters: bool = False
 
 
 def real_time(options: RosOptions, scenario: Scenario) -> RealTime | None:
@@ -482,7 +608,16 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
     check_domain(options.domain, "--join")
     wall = real_time(options, scenario)
     windows = windows_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.graph, windows, quiet_s=options.quiet_s, wall=wall)
+    shown = parameters_of(scenario) if options.parameters else None
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        scenario.graph,
+        windows,
+        quiet_s=options.quiet_s,
+        wall=wall,
+        parameters=shown,
+    )
     if COORDINATOR in plan.part(options.only):
         return False
     warm_up(scenario)
@@ -499,6 +634,7 @@ def run_over_ros(
     options: RosOptions = RosOptions(),
     on_progress: Progress = lambda tick, fired: None,
     on_start: Callable[[dict[str, int]], None] = lambda pids: None,
+    on_picture: OnPicture | None = None,
 ) -> Run:
     """Run a scenario as a node graph over DDS, record it, and compare all counts.
 
@@ -514,6 +650,8 @@ def run_over_ros(
         Told the tick and the triggers so far.
     on_start
         Told the process of each node.
+    on_picture
+        Given pictures of the run as it happens, which its recorder takes; None takes none.
 
     Raises
     ------
@@ -530,7 +668,7 @@ def run_over_ros(
     from etac_ros.engines.ros import own_process
 
     if own_process.is_needed():
-        return _run_in_own_process(scenario, bag, options, on_progress, on_start)
+        return _run_in_own_process(scenario, bag, options, on_progress, on_start, on_picture)
     # Only here, so that everything else works without ROS.
     from etac_ros.engines.ros.count_check import check_outcome
     from etac_ros.engines.ros.domain import take_domain
@@ -540,7 +678,8 @@ def run_over_ros(
     from etac_ros.engines.ros.wall_check import check_wall_outcome
 
     began = time.perf_counter()
-    windows = short_windows(windows_of(scenario), options.pace, scenario.run.ticks_per_second)
+    windows = windows_of(scenario)
+    short_windows(windows, options.pace, scenario.run.ticks_per_second)  # refuses a pace that is none
     check_writable(bag)
     graph = checked_graph(scenario)
     wall = real_time(options, scenario)
@@ -562,6 +701,8 @@ def run_over_ros(
         wall,
         options.pace,
         faults,
+        parameters=parameters_of(scenario) if options.parameters else None,
+        told=scenario.told,
         rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
@@ -574,7 +715,9 @@ def run_over_ros(
         # Loads the definitions before the fork, where they cost nobody's start-up.
         schema_text(topic.type_name)
         type_hash(topic.type_name)
+    whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
+    outlet = Outlet(on_picture)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
@@ -582,8 +725,8 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live),
-                on_progress,
+                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
+                outlet.after(on_progress),
                 on_start,
                 guard,
                 options.machines,
@@ -596,15 +739,22 @@ def run_over_ros(
                     print("etac: the run ended before anything was recorded; there is no bag", file=sys.stderr)
                 raise
             assert outcome is not None  # this part keeps time
+            outlet.hand_on()
     finally:
+        outlet.close()
         lease.release()
     if wire:
         write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
     check = check_outcome if wall is None else check_wall_outcome
-    check(plan, outcome, {name: count.messages for name, count in counts.items()})
+    in_bag = {name: count.messages for name, count in counts.items()}
     recording = recorded.recording()
+    if whole is not None:
+        recording = replace(recording, truth=whole.truth(), every=1)
+        # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
+        in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
+    check(plan, outcome, in_bag)
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -622,6 +772,8 @@ def run_over_ros(
         bag=str(bag),
         stepped_s=_stepped_s(outcome.leave_notes),
     )
+    if whole is not None:
+        keep_in_bag(bag, summary)
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
 
@@ -658,12 +810,16 @@ def _run_in_own_process(
     options: RosOptions,
     on_progress: Progress,
     on_start: Callable[[dict[str, int]], None],
+    on_picture: OnPicture | None,
 ) -> Run:
     from etac_ros.engines.ros import own_process
 
     def on_event(kind: str, content: Any) -> None:
         if kind == "start":
             on_start(content)
+        elif kind == "picture":
+            assert on_picture is not None
+            on_picture(content)
         else:
             on_progress(*content)
 
@@ -675,6 +831,7 @@ def _run_in_own_process(
         "digest": scenario.digest,
         "bag": bag.absolute(),
         "options": options,
+        "watched": on_picture is not None,
     }
     summary: Summary = own_process.call(f"{__name__}:_serve_run", arguments, on_event)
     return Run(scenario, summary.model_copy(update={"bag": str(bag)}), read_bag(bag).recording(), bag)
@@ -688,6 +845,7 @@ def _serve_run(
     digest: str,
     bag: Path,
     options: RosOptions,
+    watched: bool,
 ) -> Summary:
     """What the process of its own does: the whole run."""
     scenario = load(path, variant, overrides)
@@ -697,7 +855,8 @@ def _serve_run(
     def on_progress(tick: int, fired: Mapping[str, int]) -> None:
         tell("progress", (tick, dict(fired)))
 
-    return run_over_ros(scenario, bag, options, on_progress, lambda pids: tell("start", pids)).summary
+    on_picture = partial(tell, "picture") if watched else None
+    return run_over_ros(scenario, bag, options, on_progress, lambda pids: tell("start", pids), on_picture).summary
 
 
 def _stepped_s(notes: Mapping[str, Mapping[str, Any]]) -> float:
@@ -718,7 +877,7 @@ def make_readable(bag: Path) -> None:
     if release(bag) or not bag.is_dir():
         return
     try:
-        recover(bag)
+        recover(bag, completing=state_rest)
     except BagError as error:
         print(f"etac: the bag of the failed run could not be repaired: {error}", file=sys.stderr)
 

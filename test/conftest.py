@@ -14,6 +14,7 @@ from hands import Start
 from hypothesis import settings
 
 from etac_ros.engines.ros.domain import DomainLease, take_domain
+from etac_ros.report.figures.registry import FIGURES
 
 # The same examples each time, and no limit on their time: a test fails only when the code is wrong.
 settings.register_profile("etac", deadline=None, derandomize=True, database=None, max_examples=60)
@@ -56,6 +57,7 @@ SMALL = """\
 """
 
 SmallScenario = Callable[..., Path]
+FewFigures = Callable[..., None]
 
 
 @pytest.fixture(autouse=True)
@@ -79,6 +81,18 @@ def small(tmp_path: Path) -> SmallScenario:
         return path
 
     return write
+
+
+@pytest.fixture
+def few_figures(monkeypatch: pytest.MonkeyPatch) -> FewFigures:
+    """Have reports draw some of their figures only: ``few_figures("torque")``. All of them take seconds."""
+
+    def choose(*names: str) -> None:
+        chosen = tuple(kind for kind in FIGURES if kind.name in names)
+        assert {kind.name for kind in chosen} == set(names)
+        monkeypatch.setattr("etac_ros.report.write.FIGURES", chosen)
+
+    return choose
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ class Rule(RelativeThreshold):
         returns: str
 
     def __init__(self, parameters: Rule.Parameters, ticks_per_second: int) -> None:
-        self._alpha, self._gamma = 0.5, 1e-6
+        super().__init__(RelativeThreshold.Parameters(alpha=0.5, gamma=1e-6), ticks_per_second)
         self._returns = parameters.returns
 
     def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> Any:

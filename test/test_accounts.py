@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import FewFigures
 from rich.console import Console
 from toy import toy
 
@@ -139,7 +140,8 @@ def test_a_message_that_nobody_accounts_for_is_an_error(tmp_path: Path) -> None:
         link_accounts(graph, twice)
 
 
-def test_terminal_and_report_show_the_accounts(tmp_path: Path) -> None:
+def test_terminal_and_report_show_the_accounts(tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("torque")
     media = "media={air: {rate_bit_s: 2000.0, overhead: ieee-802.15.4}}"
     overrides = ["duration_s=20", media, "links.filtered_error={medium: air, loss: 0.2}"]
     scenario = load("wu2018", overrides=overrides)

@@ -232,12 +232,16 @@ def test_serialized_messages_are_those_of_real_ros(name):
         assert decode(wire.type_name, again).tobytes() == value.tobytes()
 
 
-def test_truth_as_the_plant_node_publishes_it_is_read_and_has_the_same_layout():
+def test_truth_is_laid_out_as_ros_reads_it():
     serialization = pytest.importorskip("rclpy.serialization")
-    node = pytest.importorskip("etac_ros.engines.ros.messages")
-    published = node.encode_truth(17, SAMPLES)
-    first, samples = decode_truth(serialization.serialize_message(published))
+    std_msgs = pytest.importorskip("std_msgs.msg")
+    message = serialization.deserialize_message(encode_truth(17, SAMPLES), std_msgs.Float64MultiArray)
+    assert message.layout.data_offset == 1
+    assert [(axis.label, axis.size, axis.stride) for axis in message.layout.dim] == [
+        ("tick", SAMPLES.shape[0], SAMPLES.size),
+        ("state", SAMPLES.shape[1], SAMPLES.shape[1]),
+    ]
+    assert list(message.data) == [17.0, *SAMPLES.ravel()]
+    first, samples = decode_truth(serialization.serialize_message(message))
     assert first == 17
     assert samples.tobytes() == SAMPLES.tobytes()
-    ours = serialization.deserialize_message(encode_truth(17, SAMPLES), type(published))
-    assert ours == published

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FewFigures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy import toy
@@ -225,7 +226,10 @@ ODD = "$\\frac{$ <script>"
 CODES = "\x1b]0;gone\x07\u202e"
 
 
-def test_an_odd_title_is_shown_and_does_nothing(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+def test_an_odd_title_is_shown_and_does_nothing(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder, few_figures: FewFigures
+) -> None:
+    few_figures("overview", "network")
     topics, attachments, metadata, messages, _ = contents("ours")
     title = json.loads(json.dumps(load("wu2018").run.title))
     text = attachments[SCENARIO_ATTACHMENT].decode().replace("\n", "\n", 1)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from toy import Ramp, RampParameters
 
 from etac_ros.bag.clock import tick_time_ns
-from etac_ros.bag.codec import encode, encode_truth
+from etac_ros.bag.codec import decode_truth, encode, encode_truth
 from etac_ros.bag.description import DESCRIPTION_ATTACHMENT
 from etac_ros.bag.from_recording import write_recording
 from etac_ros.bag.read import read_bag
@@ -22,7 +22,7 @@ from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.module import Context
 from etac_ros.graph.plant import PlantModule, PlantModuleParameters
 from etac_ros.graph.recording import Message, Recording
-from etac_ros.graph.truth import MOST_SAMPLES, pack_truth, unpack_truth
+from etac_ros.graph.truth import MOST_SAMPLES
 from etac_ros.graph.wire import Wire, WireFormat
 from etac_ros.scenario.load import load
 
@@ -153,9 +153,7 @@ def test_no_truth_message_is_longer_than_dds_carries_quickly(tmp_path):
 @given(st.integers(0, 2**53), st.integers(1, 20), st.integers(1, 13))
 def test_the_layout_of_truth_is_undone(first, ticks, states):
     samples = np.random.default_rng(0).standard_normal((ticks, states))
-    data, n, w = pack_truth(first, samples)
-    assert data[0] == first
-    back, unpacked = unpack_truth(data, 1, (n, w))
+    back, unpacked = decode_truth(encode_truth(first, samples))
     assert back == first
     np.testing.assert_array_equal(unpacked, samples)
 

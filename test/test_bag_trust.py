@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FewFigures
 from typer.testing import CliRunner
 
 from etac_ros.bag.describe import describe
@@ -145,7 +146,10 @@ def test_a_bag_says_the_same_without_its_classes_and_imports_none(name: str, the
     assert not View(untrusting).decisions
 
 
-def test_the_page_says_what_is_left_out_and_how_to_get_it(theirs: Path, tmp_path: Path) -> None:
+def test_the_page_says_what_is_left_out_and_how_to_get_it(
+    theirs: Path, tmp_path: Path, few_figures: FewFigures
+) -> None:
+    few_figures("torque", "margin")
     scenario = with_their(load("wu2018", None, ["duration_s=20"]), ("etac_ros.laws.wu2018",), tmp_path / "src")
     run_in_process(scenario, tmp_path / "bag")
     before = imported(theirs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import textwrap
@@ -95,5 +96,38 @@ def test_a_users_class_may_compile_with_numba_itself_and_call_functions_of_ours(
 def test_kernels_of_plants_have_names_of_their_own() -> None:
     """Symbols of cached machine code are made of them: alike, they get in each other's way once both are loaded."""
     plants = (rigid, rigid_mrp, pm_sm, flexible, manoeuvre)
-    names = {plant._propagate.__qualname__ for plant in plants}
+    names = {plant._propagate.name for plant in plants}
     assert len(names) == len(plants)
+
+
+def test_cached_machine_code_is_loaded_without_the_compiler(tmp_path: Path) -> None:
+    (tmp_path / "some_kernel.py").write_text(
+        textwrap.dedent(
+            """
+            import numpy as np
+            from etac_ros.maths.compiled import kernel
+
+            @kernel
+            def formed(a, b):
+                if b[0] > 1e9:
+                    raise ValueError("too large")
+                return np.tanh(a[0, 0] * b[0]), np.empty(2)
+            """
+        )
+    )
+    script = f"""
+        import os, sys
+        os.environ["NUMBA_CACHE_DIR"] = {str(tmp_path / "cache")!r}
+        import numpy as np
+        from some_kernel import formed
+        value, made = formed(np.eye(3), np.array([0.5, 0.25, 2.0]))
+        print(value, made.shape)
+        try:
+            formed(np.eye(3), np.full(3, 1e10))
+        except ValueError as error:
+            print(error)
+        print("numba.np.arraymath" in sys.modules)
+    """
+    compiled, loaded = (python(script, tmp_path).splitlines() for _ in range(2))
+    assert compiled == [f"{math.tanh(0.5)} (2,)", "too large", "True"]
+    assert loaded == [*compiled[:2], "False"]

@@ -12,9 +12,11 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from etac_ros.engines.ros import coordinator as coordinator_module
+from etac_ros.engines.ros.endpoints import DATA
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
 from etac_ros.errors import RunError
 from etac_ros.graph.topics import CLOCK, END, MESSAGE_LOG, STOP
+from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
 
 
@@ -111,7 +113,8 @@ def silent(patch: pytest.MonkeyPatch, name: str, *overrides: str, variant: str |
         one.spinner.once(0.05)
     node: Any = one.nodes[name]
     for subscription in node._subscriptions:
-        patch.setattr(subscription, "take", lambda s=subscription: s.handle.waiting.clear())
+        for taking in ("take", "take_one"):
+            patch.setattr(subscription, taking, lambda s=subscription: bool(s.handle.waiting.clear()))
     one.spin()
     return one
 
@@ -253,3 +256,21 @@ def test_a_fault_that_it_told_itself_is_no_news(monkeypatch: pytest.MonkeyPatch)
     one.coordinator.stop = {"fault": ""}
     one.coordinator._on_fault({"node": "/sensor", "fault": "x"}, 1)
     assert coordinator_module._LOGS_AHEAD * coordinator_module._LOG_MESSAGES < 4096  # a topic's depth
+
+
+def test_who_listens_to_the_clock_hears_of_every_event(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def times(heard: bool) -> list[float]:
+        one = world(monkeypatch)
+        if heard:
+            one.bus.node("tool").create_subscription(Clock, CLOCK, lambda _: None, DATA)
+        one.run()
+        clocks = [deserialize_message(data, Clock).clock for data in one.bus.said(CLOCK)]
+        return [clock.sec + clock.nanosec * 1e-9 for clock in clocks]
+
+    shown = times(heard=True)
+    assert len(times(heard=False)) <= 2
+    assert shown == sorted(shown)
+    fired = run_in_process(load("wu2018", None, ["duration_s=10"])).recording.messages["filtered_error"]
+    assert {message.tick / 32 for message in fired} <= set(shown)

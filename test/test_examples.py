@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from hands import Start, foreign
+from rclpy.serialization import serialize_message
 from rich.console import Console
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
@@ -184,12 +185,14 @@ def fill(message: Any, values: dict[str, Any]) -> None:
      (WireFormat.STAMPED, 4), (WireFormat.STAMPED, 6)],
 )  # fmt: skip
 def test_an_example_is_the_message_that_it_says(kind: WireFormat, size: int) -> None:
-    from etac_ros.engines.ros.messages import decode, message_type
+    from etac_ros.bag.codec import decode
+    from etac_ros.engines.ros.messages import message_type
 
     wire = Wire(kind, size)
     message = message_type(wire)()
     fill(message, yaml.safe_load(example(wire)))
-    assert decode(message) == pytest.approx([0.1 * (place + 1) for place in range(size)])
+    sent = serialize_message(message)
+    assert decode(wire.type_name, sent) == pytest.approx([0.1 * (place + 1) for place in range(size)])
 
 
 def test_an_example_of_a_window_is_one() -> None:
@@ -200,7 +203,8 @@ def test_an_example_of_a_window_is_one() -> None:
     layout = MultiArrayLayout(
         dim=[MultiArrayDimension(**one) for one in values["layout"].pop("dim")], **values["layout"]
     )
-    window, _ = decode_window(Float64MultiArray(layout=layout, data=[float(one) for one in values["data"]]), "/plant")
+    message = Float64MultiArray(layout=layout, data=[float(one) for one in values["data"]])
+    window, _ = decode_window(serialize_message(message), "/plant")
     assert (window.epoch, window.start, window.last) == (1, 0, 0)
     assert window.samples[0] == pytest.approx(plant.state, rel=1e-5)
 

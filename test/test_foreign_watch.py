@@ -40,7 +40,7 @@ class Watched:
 
     def _listen(self, link: Link, callback: Any, foreign: bool) -> Subscription:
         kind = message_type(link.wire)
-        end = Subscription(self.bus.node("coordinator"), kind, link.topic, callback, raw=True, foreign=foreign)  # type: ignore[arg-type]
+        end = Subscription(self.bus.node("coordinator"), kind, link.topic, callback, foreign=foreign)  # type: ignore[arg-type]
         end.open()
         self.ends.append(end)
         return end

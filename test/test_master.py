@@ -169,7 +169,7 @@ def test_within_a_batch_modules_come_in_the_order_of_the_graph() -> None:
             assert names == sorted(set(names))
             longest = max(longest, len(names))
         try:
-            orders = batches.send([engine._obey(order) for order in orders])
+            orders = batches.send([engine.obey(order) for order in orders])
         except StopIteration:
             break
     assert longest >= 4
@@ -204,7 +204,7 @@ def test_windows_become_shorter_on_demand(tmp_path: Path) -> None:
     for _ in range(12):
         lengths += [order.length for order in orders if isinstance(order, Open) and order.module == "/a/ramp"]
         master.shorten_windows()
-        orders = batches.send([engine._obey(order) for order in orders])
+        orders = batches.send([engine.obey(order) for order in orders])
     assert lengths == [16, 8, 4, 2, 1, 1, 1, 1, 1, 1, 1, 1]
 
 

@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from fake_ros import World
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 from toy import toy
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.count_check import check_outcome
-from etac_ros.engines.ros.messages import decode, decode_truth, decode_window, message_type
+from etac_ros.engines.ros.messages import decode_window, encode
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.errors import RunError
+from etac_ros.graph.graph import Link
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
 from etac_ros.maths.ticks import nanoseconds
@@ -55,14 +57,14 @@ def assert_recorded(world: World, by_calls: Recording) -> None:
         for (_, data, logged, published, _), message in zip(
             sorted(found, key=lambda one: one[4]), by_calls.messages[link.name], strict=True
         ):
-            np.testing.assert_array_equal(decode(deserialize_message(data, message_type(link.wire))), message.value)
+            np.testing.assert_array_equal(decode(link.wire.type_name, data), message.value)
             at = nanoseconds(message.tick, graph.ticks_per_second)
             assert (logged, published) == (log_time_ns(at, message.step), at)
     for plant in graph.plants:
         first, samples = by_calls.samples(plant)
         following = first
         for _, data, logged, published, _ in [one for one in world.sink.written if one[0] == truth_topic(plant)]:
-            start, some = decode_truth(deserialize_message(data, Float64MultiArray))
+            start, some = decode_truth(data)
             assert start == following
             np.testing.assert_array_equal(some, samples[start - first : start - first + len(some)])
             following += len(some)
@@ -114,7 +116,7 @@ def test_windows_are_recorded_where_that_is_asked_for(monkeypatch: pytest.Monkey
     assert [one[1] for one in written] == said
     assert [one[4] for one in written] == list(range(1, len(said) + 1))
     for _, data, logged, published, _ in written:
-        window, _ = decode_window(deserialize_message(data, Float64MultiArray), "/plant")
+        window, _ = decode_window(data, "/plant")
         at = nanoseconds(window.start, 32)
         assert (logged, published) == (log_time_ns(at, 0), at)
     check_outcome(world.plan, outcome, world.sink.counts())
@@ -183,16 +185,27 @@ def test_what_has_no_place_when_it_is_cut_off_goes_to_the_last_tick_known(monkey
     assert world.sink.closed == 1
 
 
+def hear(world: World, link: Link, number: int) -> None:
+    """A message of a link comes to the recorder."""
+    end = world.recorder._received[link.topic]
+    end.handle.waiting.append((encode(link.wire, np.zeros(link.wire.size), 0), number, 0))
+    end.take()
+
+
 def test_truth_may_follow_up_to_before_what_is_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(scenario_of("wu2018"), monkeypatch)
     recorder = world.recorder
     link = next(iter(world.plan.graph.links.values()))
     recorder._on_message_log({"log": 1, "transits": [[link.name, 1, 5, 0], [link.name, 2, 9, 0]]}, 1)
-    assert world.sink.placed[-1] == nanoseconds(4, 32)
-    recorder._waiting[link.name, 1] = b"x"
-    recorder._sort_in(link.name, 1)
-    recorder._let_truth_follow()
-    assert world.sink.placed[-1] == nanoseconds(8, 32)
+    assert world.sinks == []
+    hear(world, link, 1)
+    assert world.sink.placed == []
+    hear(world, link, 2)
+    assert world.sink.placed == [nanoseconds(8, 32)]
+    hear(world, link, 3)  # its place is not known yet
+    assert world.sink.placed == [nanoseconds(8, 32)]
+    recorder._on_message_log({"log": 2, "transits": [[link.name, 3, 11, 0]]}, 2)
+    assert world.sink.placed == [nanoseconds(8, 32), nanoseconds(10, 32)]
 
 
 def test_a_message_log_is_acknowledged_once_all_of_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,10 +214,8 @@ def test_a_message_log_is_acknowledged_once_all_of_it_is_written(monkeypatch: py
     link = next(iter(world.plan.graph.links.values()))
     recorder._on_message_log({"log": 1, "transits": [[link.name, 1, 5, 0]]}, 1)
     assert world.bus.said("/emulation/recorded") == []
-    recorder._waiting[link.name, 1] = b"x"
-    recorder._sort_in(link.name, 1)
-    recorder._acknowledge()
-    recorder._acknowledge()
+    hear(world, link, 1)
+    hear(world, link, 2)  # of which no log has told: it is no reason to say it again
     recorder._on_message_log({"log": 2, "transits": []}, 2)
     assert [note(data)["is"] for data in world.bus.said("/emulation/recorded")] == [{"log": 1}, {"log": 2}]
 
@@ -230,7 +241,7 @@ def test_a_run_waits_for_a_recorder_that_is_left_behind(monkeypatch: pytest.Monk
     """It is told of its messages' places a log at a time, and the run is never more than four logs ahead."""
     scenario = load("wu2018", "periodic", ["duration_s=30", "sensor.trigger.period_s=0.03125"])
     world = World(scenario, monkeypatch)
-    monkeypatch.setattr(world.recorder, "_acknowledge", lambda: None)
+    monkeypatch.setattr(world.recorder, "_all_placed", lambda: None)
     monkeypatch.setattr("etac_ros.engines.ros.coordinator._LOG_MESSAGES", 50)
     world.join()
     world.spin()
@@ -286,18 +297,13 @@ def test_truth_is_published_when_there_is_enough_of_it_or_time_has_passed(monkey
     while world.spinner.once(0.05):
         counts.append(len(published(truth_topic("/plant"))))
         world.clock.now += 0.3
-    sizes = [
-        len(decode_truth(deserialize_message(data, Float64MultiArray))[1]) for data in published(truth_topic("/plant"))
-    ]
+    sizes = [len(decode_truth(data)[1]) for data in published(truth_topic("/plant"))]
     assert len(sizes) > 3  # time passes, so that each window brings what was committed before
     assert sum(sizes) == 3201
     assert world.clock.now > before
     quiet = World(load("wu2018", None, ["duration_s=100"]), monkeypatch)
     quiet.run()
-    sizes = [
-        len(decode_truth(deserialize_message(data, Float64MultiArray))[1])
-        for data in quiet.bus.said(truth_topic("/plant"))
-    ]
+    sizes = [len(decode_truth(data)[1]) for data in quiet.bus.said(truth_topic("/plant"))]
     assert all(size >= 1024 for size in sizes[:-1])
     assert 1 < len(sizes) <= 4
     assert sum(sizes) == 3201

@@ -9,9 +9,9 @@ from rosbags.highlevel import AnyReader
 
 from etac_ros import runs
 from etac_ros.errors import ScenarioError
-from etac_ros.runs import Pace, RosOptions, run_in_process, run_over_ros, short_windows
+from etac_ros.runs import Pace, RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 
 def test_the_bits_are_those_of_a_run_that_nobody_slows_down(tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import FewFigures
 from test_engines_equal import assert_same
 
 from etac_ros.engines.inprocess import InProcess
+from etac_ros.metrics.cells import energy_heading
 from etac_ros.report import write_report
 from etac_ros.runs import RosOptions, Run, run_in_process, run_over_ros
 from etac_ros.scenario.load import Scenario, load
@@ -94,20 +96,24 @@ def test_servo(case: str, tmp_path: Path) -> None:
     performance = run.summary.performance["/servo"]
     assert performance.attitude_error_deg is None
     assert performance.energy_n2m2s > 0.01
+    assert not performance.of_torque
+    assert energy_heading([performance]) == "input², integrated"
     voltages = np.array([message.value[0] for message in run.recording.messages["armature"]])
     assert np.abs(voltages).max() <= 0.8
     sizes = {"double": 8}.get(run.scenario.run.wire.value, 4)
     assert run.summary.topics["/voltage"].payload_bytes == sizes * run.summary.topics["/voltage"].messages
 
 
-def test_the_report_of_a_servo_shows_its_states(tmp_path: Path) -> None:
+def test_the_report_of_a_servo_shows_its_states(tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("overview", "attitude", "rate", "states")
     run_in_process(servo(tmp_path, []), tmp_path / "bag")
     page = write_report(tmp_path / "bag", trust=True).read_text()
     assert "States" in page
     assert "Euler" not in page.partition("<script")[0]
 
 
-def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path) -> None:
+def test_the_report_of_a_signal_that_sends_something_else(tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("watched", "signal")
     scenario = servo(tmp_path, [f"{node}={value}" for node, value in WATCHED.items()])
     run_in_process(scenario, tmp_path / "bag")
     page = write_report(tmp_path / "bag", trust=True).read_text()

@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from hands import what_ros_says
 
-from etac_ros.cli.nodes import parse_arguments
 from etac_ros.metrics.summary import Summary
 from etac_ros.runs import run_in_process
 from etac_ros.scenario.load import load
@@ -94,10 +94,12 @@ def test_command(command: str, folder: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_executables_take_the_arguments_of_the_readme() -> None:
+def test_executables_take_the_arguments_of_the_readme(tmp_path: Path) -> None:
     (command,) = [c for c in COMMANDS if c.startswith("ros2 run etac_ros")]
     executable, *arguments = command.split()[3:]
-    assert parse_arguments(executable, arguments) == ("/sensor", ("my_run.yaml",), None)
+    (tmp_path / "my_run.yaml").write_text(load("wu2018").text)
+    (answer,) = what_ros_says([(executable, arguments)], tmp_path)
+    assert answer["found"] == ["/sensor", ["my_run.yaml"], []]
 
 
 def test_reading_a_bag(folder: Path) -> None:

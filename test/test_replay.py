@@ -48,10 +48,10 @@ class Watched:
         if isinstance(module, PlantModule):
             open_window = module.open
 
-            def opened(length: int) -> Any:
+            def opened(length: int, stop: Any = None) -> Any:
                 # Windows are of one tick: what is held now holds until the next, unless the plant opens anew before.
                 self._held[name][module.tick] = module.held.copy()
-                return open_window(length)
+                return open_window(length, stop)
 
             module.open = opened  # type: ignore[method-assign]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FewFigures
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
@@ -246,7 +247,8 @@ def test_captions_say_from_when_on_the_figures_are_steady(folder: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_command_takes_any_number_of_bags(folder: Path, tmp_path: Path) -> None:
+def test_the_command_takes_any_number_of_bags(folder: Path, tmp_path: Path, few_figures: FewFigures) -> None:
+    few_figures("overview")
     bags = [str(folder / name) for name in ("plain", "periodic", "smc")]
     done = CliRunner().invoke(app, ["report", *bags, "--output", str(tmp_path)], catch_exceptions=False)
     assert done.exit_code == 0

@@ -23,8 +23,12 @@ def test_any_order(tmp_path: Path, start: Start) -> None:
     scenario = load("wu2018", overrides=["duration_s=100"])
     file = tmp_path / "wu.yaml"
     file.write_text(scenario.text)
-    others = [node(start, name, file) for name in ("actuator", "sensor", "controller", "plant")]
-    # The last to come is the recorder, after another has said that it is ready.
+    others = [node(start, name, file) for name in ("actuator", "sensor", "controller")]
+    others.append(node(start, "plant", file, "--rate", "1000"))
+    # Somebody who only listens, and the last to come is the recorder, after another has said that it is ready.
+    watcher = start("-m", "etac_ros", "watch")
+    assert watcher.stdout is not None
+    assert watcher.stdout.readline() == "wu2018: listening\n"
     assert others[1].stdout is not None
     assert "ready" in others[1].stdout.readline()
     recorder = node(start, "recorder", file, "--bag", "bag")
@@ -34,6 +38,12 @@ def test_any_order(tmp_path: Path, start: Start) -> None:
     recorded = read_bag(tmp_path / "bag").recording()
     expected = run_in_process(scenario).recording
     assert trace(recorded) == trace(expected)
+    output, _ = watcher.communicate(timeout=LIMIT_S)
+    assert watcher.returncode == 0, output
+    count = len(expected.messages["filtered_error"])
+    said = f"{count} triggers, {2 * count} messages and {24 * count} B on the network; the run is over"
+    assert output.splitlines()[-1].startswith("wu2018: 100.0 of 100 s simulated")
+    assert output.splitlines()[-1].endswith(said)
 
 
 def test_two_plants_have_a_coordinator_of_their_own(tmp_path: Path, start: Start) -> None:

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
+import pytest
 from hands import LIMIT_S, Start
 from hypothesis import given
 from hypothesis import strategies as st
 
-from etac_ros.cli.nodes import parameters_of
+from etac_ros.engines.ros.domain import DomainLease
 from etac_ros.engines.ros.public import flattened
+from etac_ros.runs import parameters_of
 from etac_ros.scenario.load import load
 from etac_ros.scenario.places import available
 
 
-def test_a_tool_reads_parameters_sets_none_and_hears_what_is_said(tmp_path: Path, start: Start) -> None:
+@pytest.mark.parametrize("launched", [False, True])
+def test_a_tool_reads_parameters_sets_none_and_hears_what_is_said(
+    launched: bool, tmp_path: Path, start: Start, lease: DomainLease
+) -> None:
     file = tmp_path / "wu.yaml"
-    file.write_text(load("wu2018", None, ["duration_s=50"]).text)
-    waiting = start("-m", "etac_ros", "node", "sensor", str(file), "--quiet-s", "5")
+    file.write_text(load("wu2018", None, ["duration_s=50", "controller.external=true"]).text)
+    if launched:
+        lease.release()  # the run takes it itself; it waits for a controller that does not come
+        waiting = start("-m", "etac_ros", "run", str(file), "--parameters", "--processes", "one")
+    else:
+        waiting = start("-m", "etac_ros", "node", "sensor", str(file), "--quiet-s", "5")
     tool = start(str(Path(__file__).parent / "asks_parameters.py"), "/sensor")
     output, _ = tool.communicate(timeout=LIMIT_S)
     assert tool.returncode == 0, output
@@ -29,6 +39,8 @@ def test_a_tool_reads_parameters_sets_none_and_hears_what_is_said(tmp_path: Path
     assert "read-only" in seen["why"]
     assert any(line.startswith("sensor: ") for line in seen["heard"])
     assert waiting.poll() is None
+    waiting.send_signal(signal.SIGINT)
+    waiting.communicate(timeout=LIMIT_S)
 
 
 def test_every_scenario_is_made_of_what_ros_takes_for_parameters() -> None:

@@ -15,6 +15,7 @@ from rich.console import Console
 from etac_ros import runs
 from etac_ros.cli.run import RunRequest, run_and_show
 from etac_ros.engines.inprocess import InProcess
+from etac_ros.runs import RosOptions
 from etac_ros.scenario import document
 from etac_ros.scenario import load as loading
 from etac_ros.scenario.load import load
@@ -42,7 +43,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 def play(tmp_path: Path, engine: str, *overrides: str) -> str:
     bag = tmp_path / "bag"
-    request = RunRequest("wu2018", None, ("duration_s=20", *overrides), engine, "one", False, bag, None, None, False)
+    options = RosOptions("one")
+    request = RunRequest("wu2018", None, ("duration_s=20", *overrides), engine, bag=bag, options=options)
     console = Console(file=io.StringIO(), width=200)
     run_and_show(request, console)
     assert isinstance(console.file, io.StringIO)

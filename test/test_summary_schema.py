@@ -79,7 +79,7 @@ def test_written_by_the_command_line(tmp_path: Path) -> None:
     from etac_ros.cli.show import make_console
 
     file = tmp_path / "summary.json"
-    request = RunRequest("wu2018", "periodic", ("duration_s=50",), "inprocess", "node", False, None, file, None, False)
+    request = RunRequest("wu2018", "periodic", ("duration_s=50",), "inprocess", json=file)
     run_and_show(request, make_console())
     content = json.loads(file.read_text())
     jsonschema.validate(content, SCHEMA)

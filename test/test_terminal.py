@@ -45,7 +45,7 @@ def lines_of(console: Console) -> list[str]:
 
 
 def request(scenario: str, *overrides: str) -> RunRequest:
-    return RunRequest(scenario, None, overrides, "inprocess", "node", False, None, None, None, False)
+    return RunRequest(scenario, None, overrides, "inprocess")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from wall_network import WallNetwork
 
 from etac_ros.cli.compare_clocks import clocks_table, compare_clocks
 from etac_ros.cli.main import app
-from etac_ros.cli.nodes import Options, parse_options
+from etac_ros.cli.nodes import OwnOptions, own_options
 from etac_ros.engines.ros.wall_time import Tie, check_priority
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
@@ -89,7 +89,7 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
         (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),
         (["compare", "wu2018", "--clock", "wall", "--variant", "noise", "--variant", "radio"], "more than once"),
         (["compare", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
-        (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
+        (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: in simulated time is for the node that keeps it"),
     ],
 )
 def test_what_contradicts_itself_is_refused(arguments: list[str], said: str) -> None:
@@ -111,30 +111,25 @@ def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypat
 
 
 def test_executables_take_the_options_of_etac_node() -> None:
-    assert parse_options("sensor", ["--clock", "wall", "--rate", "20", "--ros-args", "-r", "__ns:=/pm"]) == (
-        Options(rate=20.0),
-        ["--ros-args", "-r", "__ns:=/pm"],
-    )
-    assert parse_options("sensor", ["--clock", "wall"]) == (Options(rate=1.0), [])
-    assert parse_options("sensor", []) == (Options(), [])
-    assert parse_options("sensor", ["--peers", "10.0.0.2", "--interface", "eth0"]) == (
-        Options(peers="10.0.0.2", interface="eth0"),
-        [],
+    assert own_options("sensor", ["--clock", "wall", "--rate", "20"]) == OwnOptions(clock="wall", rate=20.0)
+    assert own_options("sensor", []) == OwnOptions()
+    assert own_options("sensor", ["--peers", "10.0.0.2", "--interface", "eth0"]) == OwnOptions(
+        peers="10.0.0.2", interface="eth0"
     )
     urgent = ["--strict", "--clock", "wall", "--priority", "10"]
-    assert parse_options("sensor", urgent) == (Options(rate=1.0, strict=True, priority=10), [])
+    assert own_options("sensor", urgent) == OwnOptions(clock="wall", strict=True, priority=10)
     for wrong, said in (
-        (["--clock"], "has no value"),
-        (["--clock", "sundial"], "is no clock"),
-        (["--rate", "2"], "--rate 2: is for --clock wall"),
+        (["--clock"], "expected one argument"),
+        (["--clock", "sundial"], "invalid choice: 'sundial'"),
         (["--strict"], "--strict: is for --clock wall"),
-        (["--priority", "3"], "--priority 3: is for --clock wall"),
-        (["--clock", "wall", "--rate", "fast"], "is no number"),
-        (["--clock", "wall", "--priority", "1.5"], "is no number"),
-        (["--peers"], "has no value"),
+        (["--priority", "3"], "--priority: is for --clock wall"),
+        (["--clock", "wall", "--rate", "fast"], "invalid float value: 'fast'"),
+        (["--clock", "wall", "--priority", "1.5"], "invalid int value: '1.5'"),
+        (["--peers"], "expected one argument"),
+        (["--pears", "x"], "is not understood"),
     ):
         with pytest.raises(ScenarioError, match=said):
-            parse_options("sensor", wrong)
+            own_options("sensor", wrong)
 
 
 def test_the_two_clocks_of_a_machine_are_tied_closely() -> None:

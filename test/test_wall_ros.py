@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FewFigures
 from hands import LIMIT_S, Start
 
 from etac_ros.bag.describe import describe
@@ -74,7 +75,8 @@ def test_its_bag_has_times_of_the_wall_and_tells_the_ticks(run: Run) -> None:
     assert logged == sorted(logged)
 
 
-def test_a_report_shows_what_the_terminal_showed(run: Run) -> None:
+def test_a_report_shows_what_the_terminal_showed(run: Run, few_figures: FewFigures) -> None:
+    few_figures("latency")
     assert run.bag is not None
     assert read_run(run.bag).summary.real_time == run.summary.real_time
     page = write_report(run.bag).read_text()

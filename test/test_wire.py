@@ -75,15 +75,16 @@ def test_cdr_sizes_are_the_measured_ones(wire: Wire, type_name: str, cdr_bytes: 
 @pytest.mark.parametrize("wire", WIRES, ids=name)
 def test_cdr_sizes_are_those_of_ros(wire: Wire) -> None:
     serialization: Any = pytest.importorskip("rclpy.serialization")
-    from etac_ros.engines.ros.messages import decode, encode, stamp_ns
+    from etac_ros.bag.codec import decode
+    from etac_ros.engines.ros.messages import encode, message_type, stamp_ns
 
     value = wire.rounded(np.linspace(-1.0, 2.0, wire.size))
-    message = encode(wire, value, 3_000_000_007)
-    serialized = serialization.serialize_message(message)
-    assert len(serialized) == wire.cdr_bytes
-    arrived = serialization.deserialize_message(serialized, type(message))
-    assert decode(arrived).tobytes() == value.tobytes()
-    assert stamp_ns(arrived) == (3_000_000_007 if wire.format is STAMPED else None)
+    sent = encode(wire, value, 3_000_000_007)
+    serialized = serialization.serialize_message(serialization.deserialize_message(sent, message_type(wire)))
+    assert len(sent) == len(serialized) == wire.cdr_bytes
+    assert decode(wire.type_name, serialized).tobytes() == value.tobytes()
+    if wire.format is STAMPED:
+        assert stamp_ns(wire, serialized) == 3_000_000_007
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 7, 12])

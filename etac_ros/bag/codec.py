@@ -6,17 +6,17 @@ container of four components); force, then torque; the elements of an array. It 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from rosbags.serde import SerdeError
 
-from etac_ros.bag.clock import NANOSECONDS
 from etac_ros.bag.definitions import typestore
-from etac_ros.graph.truth import DATA_OFFSET, dimensions, pack_truth, unpack_truth
-from etac_ros.graph.wire import ARRAY_DTYPES, SCALAR_FIELDS, TABLE_TYPE
+from etac_ros.graph.cdr import NumberTable, layout_of, read_table, read_value, write_table
+from etac_ros.graph.truth import DATA_OFFSET, unpack_truth
+from etac_ros.graph.wire import LINK_TYPES, SCALAR_FIELDS, TABLE_TYPE
 from etac_ros.parameters import FloatArray
 
 _SCALARS: dict[str, Callable[[Any], tuple[float, ...]]] = {
@@ -32,12 +32,13 @@ def decode(type_name: str, cdr: bytes) -> FloatArray:
     ValueError
         If the bytes are no such message, or the type carries no vector.
     """
+    if type_name not in LINK_TYPES:
+        raise ValueError(f"no link carries {type_name}")
+    value = read_value(type_name, cdr)
+    if value is not None:
+        return value
     message = _deserialized(type_name, cdr)
-    if type_name in _SCALARS:
-        return np.array(_SCALARS[type_name](message), dtype=np.float64)
-    if type_name in ARRAY_DTYPES:
-        return np.array(message.data, dtype=np.float64)
-    raise ValueError(f"no link carries {type_name}")
+    return np.array(_SCALARS[type_name](message) if type_name in _SCALARS else message.data, dtype=np.float64)
 
 
 def encode(type_name: str, value: FloatArray, tick_time_ns: int) -> bytes:
@@ -46,17 +47,25 @@ def encode(type_name: str, value: FloatArray, tick_time_ns: int) -> bytes:
     Raises
     ------
     ValueError
-        If the type carries no vector.
+        If the type carries no vector, or none of this size.
     """
-    types = typestore().types
-    if type_name in ARRAY_DTYPES:
-        layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-        message = types[type_name](layout=layout, data=value.astype(ARRAY_DTYPES[type_name]))
-    elif type_name in SCALAR_FIELDS:
-        message = _filled(type_name, dict(zip(SCALAR_FIELDS[type_name], value.tolist(), strict=True)), tick_time_ns)
-    else:
-        raise ValueError(f"no link carries {type_name}")
-    return bytes(typestore().serialize_cdr(message, type_name))
+    return layout_of(type_name, value.size).write(value, tick_time_ns)
+
+
+def decode_table(cdr: bytes) -> NumberTable:
+    """Read an array of numbers with dimensions.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    table = read_table(cdr)
+    if table is not None:
+        return table
+    message = _deserialized(TABLE_TYPE, cdr)
+    sizes = tuple(dimension.size for dimension in message.layout.dim)
+    return NumberTable(message.layout.data_offset, sizes, np.array(message.data, dtype=np.float64))
 
 
 def decode_truth(cdr: bytes) -> tuple[int, FloatArray]:
@@ -67,32 +76,13 @@ def decode_truth(cdr: bytes) -> tuple[int, FloatArray]:
     ValueError
         If it is none.
     """
-    message = _deserialized(TABLE_TYPE, cdr)
-    sizes = [dimension.size for dimension in message.layout.dim]
-    return unpack_truth(message.data, message.layout.data_offset, sizes)
+    table = decode_table(cdr)
+    return unpack_truth(table.numbers, table.offset, table.sizes)
 
 
 def encode_truth(first_tick: int, samples: FloatArray) -> bytes:
-    """Serialize a truth message."""
-    types = typestore().types
-    data, ticks, states = pack_truth(first_tick, samples)
-    axes = [types["std_msgs/msg/MultiArrayDimension"](*axis) for axis in dimensions(ticks, states)]
-    layout = types["std_msgs/msg/MultiArrayLayout"](dim=axes, data_offset=DATA_OFFSET)
-    return bytes(typestore().serialize_cdr(types[TABLE_TYPE](layout=layout, data=data), TABLE_TYPE))
-
-
-def _filled(type_name: str, numbers: Mapping[str, float], tick_time_ns: int) -> Any:
-    """A message with these numbers at their places, by the path to each."""
-    store = typestore()
-    fields: dict[str, Any] = {}
-    for name, (_, kind) in store.fielddefs[type_name][1]:
-        inner = {path.partition(".")[2]: number for path, number in numbers.items() if path.partition(".")[0] == name}
-        if name == "header":
-            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(tick_time_ns, NANOSECONDS))
-            fields[name] = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
-        else:
-            fields[name] = inner[""] if "" in inner else _filled(kind, inner, tick_time_ns)
-    return store.types[type_name](**fields)
+    """Serialize a truth message, laid out as :mod:`etac_ros.graph.truth` says."""
+    return write_table(DATA_OFFSET, np.array((first_tick,), dtype=np.float64), samples)
 
 
 def _deserialized(type_name: str, cdr: bytes) -> Any:

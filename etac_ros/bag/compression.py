@@ -1,6 +1,8 @@
-"""Compressed chunks, as other tools write them; ours are plain. None expands beyond what it says or a limit."""
+"""Compressed chunks: which there are, and how they are read. None expands beyond what it says or a limit."""
 
 from __future__ import annotations
+
+from enum import StrEnum
 
 import lz4.frame
 import zstandard
@@ -9,6 +11,14 @@ MOST_CHUNK_BYTES = 64 * 1024 * 1024
 """Writers end a chunk at about one mebibyte; a chunk that claims more than this is no recording."""
 
 _MOST_WINDOW_BYTES = 128 * 1024 * 1024
+
+
+class Compression(StrEnum):
+    """How the chunks of a bag are compressed."""
+
+    NONE = "none"
+    LZ4 = "lz4"
+    ZSTD = "zstd"
 
 
 def expanded(compression: bytes, data: bytes, size: int) -> bytes:

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from etac_ros.bag.clock import published_ns, step_of
-from etac_ros.bag.records import Record, damaged, records
+from etac_ros.bag.records import Record, damaged, record_at, records
 from etac_ros.bag.run_metadata import RECORD_NAME, unsealed, wall_clock
 from etac_ros.bag.topics import TopicDescription, from_channel_metadata
 from etac_ros.errors import BagError
@@ -87,6 +87,8 @@ class Contents:
         By name.
     announced
         Messages by channel as the statistics at the end of the file say; None before they were met.
+    place
+        Where the message stands that :meth:`messages` has handed out last: for :func:`read_again`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -95,6 +97,7 @@ class Contents:
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, bytes] = {}
         self.announced: dict[int, int] | None = None
+        self.place = (-1, -1)
         self._wall: WallClock | None = None
         self._types: dict[int, str] = {}
         self._chunked: bool | None = None
@@ -115,6 +118,7 @@ class Contents:
             except (struct.error, ValueError, LookupError, OverflowError, McapError) as error:
                 raise damaged(self.path, record.offset, f"this record makes no sense ({error})") from None
             if message is not None:
+                self.place = (record.offset, record.chunk)
                 yield message
 
     def _take(self, record: Record) -> RawMessage | None:
@@ -173,6 +177,20 @@ class Contents:
             found = f"nothing tells what part topic {channel.topic} had in a run"
             raise BagError(str(self.path), found, "a bag that etac_ros recorded")
         return topic
+
+
+def read_again(file: BinaryIO, path: Path, place: tuple[int, int]) -> bytes:
+    """The serialized message at a place that :class:`Contents` has passed.
+
+    Raises
+    ------
+    DamagedBagError
+        If it does not stand there any more.
+    """
+    record = record_at(file, path, *place)
+    if record.opcode != Opcode.MESSAGE or len(record.content) < _MESSAGE.size:
+        raise damaged(path, record.offset, "this is not the message that stood here before")
+    return record.content[_MESSAGE.size :]
 
 
 def mcap_file(directory: Path) -> Path:

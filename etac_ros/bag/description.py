@@ -36,7 +36,7 @@ Quantity = Literal["errors", "attitude angle", "euler angles", "rates", "watch"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Columns(_Model):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import socket
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from etac_ros.bag.definitions import schema_text
 from etac_ros.bag.topics import TopicDescription
@@ -16,6 +16,35 @@ PORT = 8765
 """Where Foxglove looks for a connection unless it is told otherwise."""
 LIVE_WAITS_S = 0.05
 """How long samples of the state may wait for each other [wall s]."""
+
+
+class Viewer(Protocol):
+    """Who is shown messages while they are recorded."""
+
+    def show(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
+        """Show a message."""
+        ...
+
+    def close(self) -> None:
+        """Show no more."""
+        ...
+
+
+class Viewers:
+    """Several of them."""
+
+    def __init__(self, viewers: Sequence[Viewer]) -> None:
+        self._viewers = viewers
+
+    def show(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
+        """Show all of them a message."""
+        for viewer in self._viewers:
+            viewer.show(topic, cdr, log_time_ns)
+
+    def close(self) -> None:
+        """Show no more."""
+        for viewer in self._viewers:
+            viewer.close()
 
 
 def check_live(port: int) -> None:

@@ -10,18 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
+from etac_ros.bag.chunks import BagChunks
 from etac_ros.bag.clock import tick_of
 from etac_ros.bag.codec import decode, decode_truth
 from etac_ros.bag.contents import Contents, RawMessage, mcap_file
 from etac_ros.bag.lock import is_being_written
 from etac_ros.bag.metadata import FILE_NAME, read_counts
-from etac_ros.bag.run_metadata import ticks_per_second, wall_clock
+from etac_ros.bag.run_metadata import ticks_per_second, truth_every, wall_clock
 from etac_ros.bag.topics import AIR, TopicDescription
 from etac_ros.errors import BagError
 from etac_ros.graph.air import from_rows
 from etac_ros.graph.ledger import Entry
 from etac_ros.graph.ledger import from_rows as from_ledger_rows
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.spool import KEPT_BYTES
 from etac_ros.graph.topics import node_of_ledger
 from etac_ros.media.frame import Fate
 from etac_ros.parameters import FloatArray
@@ -107,29 +109,37 @@ class Bag:
         recording, derived = self._everything()
         rows = {}
         for node, chunks in derived.items():
-            self._check_continuous(f"derived of {node}", chunks)
+            self._check_continuous(f"derived of {node}", chunks, recording.every)
             rows[node] = np.concatenate([samples for _, samples in chunks]) if chunks else np.empty((0, 0))
         return recording, rows
 
     def _everything(self) -> tuple[Recording, _Chunks]:
+        every = truth_every(self.metadata)
         links: dict[str, list[Message]] = {t.link: [] for t in self.topics if t.link is not None}
         truth: _Chunks = {t.plant: [] for t in self.topics if t.plant is not None}
         derived: _Chunks = {t.derived: [] for t in self.topics if t.derived is not None and t.derived != AIR}
         air: list[tuple[int, list[Fate]]] = []
         wall = wall_clock(self.metadata)
         ledgers: dict[str, list[Entry]] = {}
-        for raw in self.messages():
+        contents = Contents(self.path)
+        large = {plant: BagChunks(self.path, every) for plant in truth if self._is_large(plant)}
+        widths: dict[str, int] = {}
+        for raw in contents.messages():
             topic = raw.topic
             try:
                 if topic.link is not None:
                     links[topic.link].append(self._message(raw))
                 elif topic.plant is not None:
-                    truth[topic.plant].append(self._samples(raw))
+                    first, samples = self._samples(raw, every)
+                    if topic.plant in large:
+                        self._take_note(large[topic.plant], topic.plant, first, samples, contents.place, widths)
+                    else:
+                        truth[topic.plant].append((first, samples))
                 elif topic.derived == AIR:
                     rows = decode_truth(raw.cdr)[1]
                     air.append((raw.sequence, from_rows(rows, list(links))))
                 elif topic.derived is not None:
-                    derived[topic.derived].append(self._samples(raw))
+                    derived[topic.derived].append(self._samples(raw, every))
                 elif (node := node_of_ledger(topic.name)) is not None:
                     ledgers.setdefault(node, []).extend(from_ledger_rows(decode_truth(raw.cdr)[1]))
             except ValueError as error:
@@ -140,31 +150,56 @@ class Bag:
                 if before.sequence == after.sequence:
                     raise self._unfit(f"link {link}", f"message {after.sequence} stands there twice")
         for plant, chunks in truth.items():
-            self._check_continuous(f"truth of {plant}", chunks)
+            self._check_continuous(f"truth of {plant}", chunks, every)
         fates = [fate for _, some in sorted(air, key=lambda item: item[0]) for fate in some]
-        return Recording(messages=links, truth=truth, air=fates, wall=wall, ledgers=ledgers), derived
+        recording = Recording(links, {**truth, **large}, air=fates, wall=wall, ledgers=ledgers, every=every)
+        return recording, derived
+
+    def _is_large(self, plant: str) -> bool:
+        return any(topic.plant == plant and count.cdr_bytes > KEPT_BYTES for topic, count in self.topics.items())
+
+    def _take_note(
+        self,
+        chunks: BagChunks,
+        plant: str,
+        first: int,
+        samples: FloatArray,
+        place: tuple[int, int],
+        widths: dict[str, int],
+    ) -> None:
+        """Remember where samples stand. So much is only ever recorded in order."""
+        if len(chunks):
+            due = chunks.first_tick + chunks.ticks - 1 + chunks.every
+            self._check_joins(f"truth of {plant}", due, first, chunks.every, samples.shape[0])
+            if samples.shape[1] != widths[plant]:
+                raise self._unfit(f"truth of {plant}", f"the number of states changes at tick {first}")
+        widths[plant] = samples.shape[1]
+        chunks.add(first, samples.shape[0], place)
 
     def _message(self, raw: RawMessage) -> Message:
         tick = tick_of(raw.tick_time_ns, self.ticks_per_second)
         return Message(raw.sequence, tick, raw.step, decode(raw.topic.type_name, raw.cdr))
 
-    def _samples(self, raw: RawMessage) -> tuple[int, FloatArray]:
+    def _samples(self, raw: RawMessage, every: int) -> tuple[int, FloatArray]:
         first, samples = decode_truth(raw.cdr)
-        last = first + samples.shape[0] - 1
+        last = first + every * (samples.shape[0] - 1)
         logged = tick_of(raw.tick_time_ns, self.ticks_per_second)
         if logged != last:
             raise ValueError(f"it is logged at tick {logged} and ends with tick {last}")
         return first, samples
 
-    def _check_continuous(self, what: str, chunks: list[tuple[int, FloatArray]]) -> None:
+    def _check_continuous(self, what: str, chunks: list[tuple[int, FloatArray]], every: int) -> None:
         """Put chunks in order, and make sure that they join."""
         chunks.sort(key=lambda chunk: chunk[0])
         for (first, samples), (following, next_samples) in pairwise(chunks):
-            due = first + samples.shape[0]
-            if following != due:
-                raise self._unfit(what, f"tick {following} stands where tick {due} should")
+            self._check_joins(what, first + every * samples.shape[0], following, every, next_samples.shape[0])
             if next_samples.shape[1] != samples.shape[1]:
                 raise self._unfit(what, f"the number of states changes at tick {following}")
+
+    def _check_joins(self, what: str, due: int, following: int, every: int, rows: int) -> None:
+        last = rows == 1 and due - every < following < due  # kept in any case
+        if following != due and not last:
+            raise self._unfit(what, f"tick {following} stands where tick {due} should")
 
     def _unfit(self, what: str, found: str) -> BagError:
         return BagError(f"{self.path}: {what}", found, "the messages of one run, each once, without gaps")

@@ -42,12 +42,15 @@ class Record(NamedTuple):
     ----------
     in_chunk
         It stood in a chunk, so the checksum of the chunk vouches for it.
+    chunk
+        Where that chunk begins in the file; -1 without one.
     """
 
     opcode: int
     offset: int
     content: bytes
     in_chunk: bool
+    chunk: int = -1
 
 
 def records(path: Path) -> Iterator[Record]:
@@ -68,6 +71,46 @@ def records(path: Path) -> Iterator[Record]:
             yield from _walk(file, os.fstat(file.fileno()).st_size, path)
     except OSError as error:
         raise BagError(str(path), f"cannot be read: {error.strerror}") from None
+
+
+def record_at(file: BinaryIO, path: Path, offset: int, chunk: int) -> Record:
+    """Read one record again, of a file that :func:`records` has gone through.
+
+    Parameters
+    ----------
+    file, path
+        The open file, and its name for messages.
+    offset, chunk
+        As the record had them.
+
+    Raises
+    ------
+    DamagedBagError
+        If it does not stand there any more.
+    """
+    if chunk < 0:
+        return _record_here(file, path, offset)
+    data, start = _unpacked(_record_here(file, path, chunk), path)
+    place = offset - start
+    if not 0 <= place <= len(data) - _HEAD.size:
+        raise damaged(path, offset, "this is not what stood here before")
+    opcode, length = _HEAD.unpack_from(data, place)
+    first = place + _HEAD.size
+    return Record(opcode, offset, data[first : first + length], True, chunk)
+
+
+def _record_here(file: BinaryIO, path: Path, offset: int) -> Record:
+    file.seek(offset)
+    head = file.read(_HEAD.size)
+    if len(head) < _HEAD.size:
+        raise damaged(path, offset, "the file was cut off here")
+    opcode, length = _HEAD.unpack(head)
+    if length > _MOST_RECORD_BYTES:
+        raise damaged(path, offset, f"this record has {length} bytes, more than {_MOST_RECORD_BYTES}")
+    content = file.read(length)
+    if len(content) < length:
+        raise damaged(path, offset, "the file was cut off within this record")
+    return Record(opcode, offset, content, in_chunk=False)
 
 
 def damaged(path: Path, offset: int, found: str) -> DamagedBagError:
@@ -113,7 +156,7 @@ def _walk(file: BinaryIO, size: int, path: Path) -> Iterator[Record]:
             allowance -= len(data)
             if allowance < 0:
                 raise damaged(path, offset, f"its chunks expand to more than {_MOST_EXPANSION} times its size")
-            for inner in _inner(data, start, path):
+            for inner in _inner(data, start, path, offset):
                 not_indexed += inner.opcode == Opcode.MESSAGE
                 yield inner
         else:
@@ -165,7 +208,7 @@ def _unpacked(chunk: Record, path: Path) -> tuple[bytes, int]:
     return data, chunk.offset + _HEAD.size + place
 
 
-def _inner(data: bytes, start: int, path: Path) -> Iterator[Record]:
+def _inner(data: bytes, start: int, path: Path, chunk: int) -> Iterator[Record]:
     place = 0
     while place < len(data):
         if len(data) - place < _HEAD.size:
@@ -174,5 +217,5 @@ def _inner(data: bytes, start: int, path: Path) -> Iterator[Record]:
         first = place + _HEAD.size
         if length > len(data) - first:
             raise damaged(path, start + place, "this chunk ends within a record")
-        yield Record(opcode, start + place, data[first : first + length], in_chunk=True)
+        yield Record(opcode, start + place, data[first : first + length], True, chunk)
         place = first + length

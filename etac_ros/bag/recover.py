@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from etac_ros.bag.metadata import FILE_NAME
 from etac_ros.bag.read import check_origin, read_file
 from etac_ros.bag.records import DamagedBagError
 from etac_ros.bag.run_metadata import RECOVERED
+from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.write import BagWriter, check_writable
 from etac_ros.errors import BagError
 
@@ -43,7 +45,13 @@ class RecoverReport:
     original: Path | None
 
 
-def recover(directory: Path, output: Path | None = None) -> RecoverReport:
+Completing = Callable[[Contents], StateRest | None]
+"""Makes what completes the state in a bag, given what the bag is; None where that cannot be."""
+
+
+def recover(
+    directory: Path, output: Path | None = None, completing: Completing = lambda contents: None
+) -> RecoverReport:
     """Make a readable bag of all that was whole before the first damage.
 
     A recording is useful only without gaps, so what stands behind the damage is left out.
@@ -55,6 +63,8 @@ def recover(directory: Path, output: Path | None = None) -> RecoverReport:
     output
         Directory of the repaired bag. By default the bag is repaired in its place, all at once, and its file
         as it was found is kept beside it with ``.cut`` added to its name.
+    completing
+        Completes the state of the bodies, which waits for a second to be written, and follows from what is there.
 
     Raises
     ------
@@ -64,10 +74,10 @@ def recover(directory: Path, output: Path | None = None) -> RecoverReport:
     """
     path = mcap_file(directory)
     with alone_with(path):
-        return _recovered(directory, path, output)
+        return _recovered(directory, path, output, completing)
 
 
-def _recovered(directory: Path, path: Path, output: Path | None) -> RecoverReport:
+def _recovered(directory: Path, path: Path, output: Path | None, completing: Completing) -> RecoverReport:
     try:
         bag = read_file(directory, path)
     except BagError as error:
@@ -77,7 +87,7 @@ def _recovered(directory: Path, path: Path, output: Path | None) -> RecoverRepor
         return RecoverReport(directory, True, "", counts, None)
     if output is not None:
         check_writable(output)
-        found, counts = _copy(path, output, found)
+        found, counts = _copy(path, output, found, completing)
         return RecoverReport(output, False, found, counts, None)
     try:
         temporary = Path(tempfile.mkdtemp(prefix=".recover-", dir=directory))
@@ -86,7 +96,7 @@ def _recovered(directory: Path, path: Path, output: Path | None) -> RecoverRepor
     try:
         # rosbag2 names the file after its directory, so this copy's file gets the name that it will keep.
         copy = temporary / path.stem.removesuffix("_0")
-        found, counts = _copy(path, copy, found)
+        found, counts = _copy(path, copy, found, completing)
         original = _put_in_place(copy, path)
     except OSError as error:
         raise _unwritable(directory, error) from error
@@ -95,7 +105,7 @@ def _recovered(directory: Path, path: Path, output: Path | None) -> RecoverRepor
     return RecoverReport(directory, False, found, counts, original)
 
 
-def _copy(path: Path, output: Path, found: str) -> tuple[str, dict[str, int]]:
+def _copy(path: Path, output: Path, found: str, completing: Completing) -> tuple[str, dict[str, int]]:
     """Write all that is whole into a new bag; say what ended it, and how many messages that were."""
     contents = Contents(path)
     whole = 0
@@ -109,12 +119,19 @@ def _copy(path: Path, output: Path, found: str) -> tuple[str, dict[str, int]]:
     check_origin(contents)
     topics = list(contents.topics.values())
     counts = {topic.name: 0 for topic in topics}
+    state = completing(contents)
     with BagWriter(output, topics, contents.attachments, {RECOVERED: found, **contents.metadata}) as writer:
         messages = Contents(path).messages()
         for _ in range(whole):
-            topic, log_time, publish_time, sequence, cdr = next(messages)
+            message = next(messages)
+            topic, log_time, publish_time, sequence, cdr = message
             writer.write(topic.name, cdr, log_time, publish_time, sequence)
             counts[topic.name] += 1
+            if state is not None:
+                state.take(message)
+        for name, cdr, log_time, publish_time, sequence in () if state is None else state.rest():
+            writer.write(name, cdr, log_time, publish_time, sequence)
+            counts[name] += 1
     return found, counts
 
 

@@ -12,6 +12,8 @@ RECORD_NAME = "etac_ros"
 TICKS_PER_SECOND = "ticks_per_second"
 RECOVERED = "recovered"
 """Only in a repaired bag: what had been wrong with it."""
+TRUTH_EVERY = "truth_every"
+"""Only where a bag does not hold all committed samples: those at multiples of so many ticks, and the last; 0: none."""
 CLOCK, START_NS, RATE = "clock", "start_ns", "rate"
 """Only in the bag of a real-time run: that it is one (``wall``), when tick 0 was on the wall clock [ns], and simulated
 seconds a second."""
@@ -31,6 +33,20 @@ def ticks_per_second(metadata: Mapping[str, str]) -> int:
     text = metadata.get(TICKS_PER_SECOND, "")
     if not text.isdecimal() or int(text) < 1:
         raise ValueError(f"{TICKS_PER_SECOND} is '{text}' in the metadata of the run")
+    return int(text)
+
+
+def truth_every(metadata: Mapping[str, str]) -> int:
+    """Which of the committed samples a bag holds: those at multiples of so many ticks, and the last; 0: none.
+
+    Raises
+    ------
+    ValueError
+        If that is no whole number.
+    """
+    text = metadata.get(TRUTH_EVERY, "1")
+    if not text.isdecimal():
+        raise ValueError(f"{TRUTH_EVERY} is '{text}' in the metadata of the run")
     return int(text)
 
 

@@ -42,7 +42,9 @@ from etac_ros.plants.watch import Watch
 WORLD = "world"
 """The root of all frames. The frames below it that are called references do not turn against it."""
 SAMPLES = 500
-"""So many samples a run are written, about, if no rate is asked for."""
+"""So many samples a run are written, about, if no rate is asked for..."""
+_OF_ALL_PLANTS = 4000
+"""...and so many of all plants together: a large formation is shown more seldom, or it would be most of its bag."""
 _AT_ONCE, WAITS_S = 4096, 1.0
 """Samples wait until there are so many, or for so long [wall s]: a batch costs hardly more than one, and no run should
 be slower for it. When they are written says nothing of what is."""
@@ -113,9 +115,10 @@ def period_ticks(graph: Graph, rate_hz: float | None) -> int:
     graph
         What runs.
     rate_hz
-        Samples a simulated second; None takes about five hundred over the run.
+        Samples a simulated second; None takes about five hundred over the run, fewer of more than eight plants.
     """
-    ticks = graph.end_tick / SAMPLES if rate_hz is None else graph.ticks_per_second / rate_hz
+    samples = min(SAMPLES, _OF_ALL_PLANTS / max(1, len(graph.plants)))
+    ticks = graph.end_tick / samples if rate_hz is None else graph.ticks_per_second / rate_hz
     return max(1, math.ceil(ticks))
 
 

@@ -12,6 +12,7 @@ from typing import Any, Self
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from etac_ros import __version__
+from etac_ros.bag.compression import Compression
 from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
 from etac_ros.bag.lock import give_back, take
 from etac_ros.bag.metadata import bag_information, to_yaml, write_metadata
@@ -20,7 +21,9 @@ from etac_ros.bag.run_metadata import RECORD_NAME, sealed, ticks_per_second
 from etac_ros.bag.topics import TopicDescription, to_channel_metadata
 from etac_ros.errors import BagError
 
-_CHUNK_BYTES = 16 * 1024
+_CHUNK_BYTES = 128 * 1024
+"""The index at the end of a file has an entry a chunk, and whoever writes keeps it until then; a chunk also ends after
+half a second, and before anything is acknowledged."""
 _FLUSH_AFTER_S = 0.5
 _WANTED = "a bag directory that is not there yet, in a place that may be written to"
 
@@ -62,6 +65,8 @@ class BagWriter:
         Files to keep with the run by name, the resolved scenario above all.
     metadata
         What is known of the run, as text by key; ``ticks_per_second`` must be there.
+    compression
+        Of the chunks.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class BagWriter:
         topics: Sequence[TopicDescription],
         attachments: Mapping[str, bytes],
         metadata: Mapping[str, str],
+        compression: Compression = Compression.NONE,
     ) -> None:
         check_writable(directory)
         try:
@@ -94,7 +100,7 @@ class BagWriter:
             claim(directory)
             self._file = self._mcap_path.open("xb")
             take(self._file)
-            self._mcap = self._begin(attachments)
+            self._mcap = self._begin(attachments, compression)
         except FileExistsError:
             raise _occupied(directory) from None
         except OSError as error:
@@ -176,13 +182,12 @@ class BagWriter:
     ) -> None:
         self.close()
 
-    def _begin(self, attachments: Mapping[str, bytes]) -> Any:
-        # The chunks are not compressed, as `ros2 bag record` does by default: recovery needs no decoder then.
+    def _begin(self, attachments: Mapping[str, bytes], compression: Compression) -> Any:
         # With the data checksum every single byte of a closed bag is checked, not those of the chunks alone.
         mcap: Any = Writer(
             self._file,
             chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.NONE,
+            compression=CompressionType[compression.name],
             enable_crcs=True,
             enable_data_crcs=True,
         )

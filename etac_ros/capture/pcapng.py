@@ -6,8 +6,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-import dpkt
-
 from etac_ros.errors import RunError
 
 SNAP_BYTES = 262144
@@ -24,7 +22,9 @@ def write(file: BinaryIO, frames: Iterable[tuple[float, bytes]]) -> None:
     frames
         Each with its time [s] since the epoch, kept to a microsecond.
     """
-    dpkt.pcapng.Writer(file, snaplen=SNAP_BYTES).writepkts(frames)
+    from dpkt import pcapng  # not above: dpkt comes with all its protocols, which is a tenth of what commands import
+
+    pcapng.Writer(file, snaplen=SNAP_BYTES).writepkts(frames)
 
 
 def read(path: Path) -> Iterator[tuple[float, bytes]]:
@@ -35,6 +35,8 @@ def read(path: Path) -> Iterator[tuple[float, bytes]]:
     RunError
         If it is none, or is cut off.
     """
+    import dpkt
+
     try:
         with path.open("rb") as file:
             yield from dpkt.pcapng.Reader(file)

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import track
 
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.cells import BAND, falls_short, paper_cells
+from etac_ros.metrics.cells import BAND, energy_heading, falls_short, paper_cells
 from etac_ros.metrics.summary import Summary, Totals, traffic_by_namespace, with_measured
 from etac_ros.runs import baseline_summary, run_in_process
 from etac_ros.scenario.load import Scenario, load
@@ -90,7 +90,7 @@ def _own_figures(scenarios: Sequence[Scenario], summaries: Sequence[Summary]) ->
         rows.append(Row((scenario.variant or "", instants, *(f"{count:,}" for count in counts), optional(energy))))
     columns = (
         "variant", "triggering instants", "messages", "deliveries", "payload [bytes]", "internal messages",
-        "energy [N²m²s]",
+        energy_heading(one for summary in summaries for one in summary.performance.values()),
     )  # fmt: skip
     return Table("", columns, tuple(rows), spare=frozenset({"internal messages"}))
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from etac_ros.bag.reserve import release
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.cells import performance_cells
+from etac_ros.metrics.cells import energy_heading, performance_cells
 from etac_ros.metrics.clocks import Agreement, states_apart
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import Summary
@@ -80,8 +80,9 @@ def clocks_table(real: Summary, simulated: Sequence[Summary], agreement: Agreeme
     rows.append(Row(("network payload [bytes]", *(f"{run.network.payload_bytes:,}" for run in runs)), ends=True))
     for plant in real.performance:
         cells = [performance_cells(run.performance[plant]) for run in runs]
+        energy = energy_heading([real.performance[plant]])
         for place, what in enumerate(
-            ("error [deg]", "largest error* [deg]", "rate [deg/s]", "largest rate* [deg/s]", "energy [N²m²s]")
+            ("error [deg]", "largest error* [deg]", "rate [deg/s]", "largest rate* [deg/s]", energy)
         ):
             if any(cell[place] for cell in cells):
                 rows.append(Row((f"{plant}: {what}", *(cell[place] for cell in cells))))

@@ -72,6 +72,17 @@ def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, pr
     return None
 
 
+def port_of_live(live: bool, port: int | None) -> int | None:
+    """Where a run is shown to Foxglove; None where it is not."""
+    if port is not None and not live:
+        raise ScenarioError(f"--live-port {port}", "is for --live", "", "add --live")
+    if not live:
+        return None
+    from etac_ros.bag.live import PORT
+
+    return PORT if port is None else port
+
+
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -116,6 +127,8 @@ Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", hel
 QuietS = Annotated[
     float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
 ]
+Live = Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")]
+LivePort = Annotated[int | None, typer.Option(min=1, max=65535, help="For --live; default: 8765.", show_default=False)]
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag.")]
 
 
@@ -129,6 +142,14 @@ class CommandWithCapture(TyperCommand):
             if word == "--capture" and not "".join(args[place + 1 : place + 2]).endswith(".pcapng"):
                 given[place] = "--capture="
         return super().parse_args(ctx, given)
+
+
+class Compress(StrEnum):
+    """How the chunks of a bag are compressed: as :class:`etac_ros.bag.compression.Compression`, which loads more."""
+
+    none = "none"
+    lz4 = "lz4"
+    zstd = "zstd"
 
 
 @app.command(cls=CommandWithCapture)
@@ -150,11 +171,25 @@ def run(
         str | None, typer.Option(help="Play the nodes of one namespace; start the others with the same --join ID.")
     ] = None,
     record_windows: Annotated[bool, typer.Option("--record-windows", help="Put windows into the bag.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")] = False,
-    live_port: Annotated[int, typer.Option(min=1, max=65535, help="For --live.")] = 8765,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="Let ROS tools read the nodes' parameters and logs; starts slower.")
+    ] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the run here as it happens; see --rate.")] = False,
+    live: Live = False,
+    live_port: LivePort = None,
     state_rate: Annotated[
         float | None,
         typer.Option(min=0.0, help="Samples of /state in the bag a simulated second; 0: none; default: ~500 a run."),
+    ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="all|none|N",
+            help="Committed samples in the bag: all, none, or of every Nth tick; all messages stay.",
+        ),
+    ] = None,
+    compression: Annotated[
+        Compress | None, typer.Option(help="Of the bag's chunks; default: what the scenario says, else none.")
     ] = None,
     quiet_s: QuietS = QUIET_S,
     capture: Annotated[
@@ -173,31 +208,48 @@ def run(
 ) -> None:
     """Run a scenario, record it, and show what crossed the network."""
     from etac_ros.cli.outputs import console_beside
-    from etac_ros.cli.run import RunRequest, run_and_show
+    from etac_ros.cli.run import RunRequest, run_and_show, ticks_of_truth
+    from etac_ros.engines.ros.several_machines import machines_of
+    from etac_ros.runs import RosOptions
 
-    if state_rate == float("inf"):
-        raise ScenarioError("--state-rate inf", "is no rate", "samples a simulated second, or 0", "leave it out")
-    request = RunRequest(
-        scenario,
-        variant,
-        (*(set_ or ()), *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",))),
-        engine.value,
+    port = port_of_live(live, live_port)
+    if state_rate is not None:
+        if state_rate == float("inf"):
+            raise ScenarioError("--state-rate inf", "is no rate", "samples a simulated second, or 0", "leave it out")
+        if engine is Engine.inprocess and bag is None and port is None:
+            found = "is for the state in a bag, and by calls none is written unless --bag says where"
+            raise ScenarioError(f"--state-rate {state_rate:g}", found, "", "add --bag DIR, or leave it out")
+    options = RosOptions(
         processes.value,
-        baseline,
-        bag,
-        json,
         domain,
         record_windows,
         only,
         quiet_s,
         rate_of_clock(clock, rate, strict, priority),
         strict,
-        capture,
-        pace=rate if clock is ClockKind.sim else None,
-        priority=priority,
-        peers=peers,
-        interface=interface,
-        live=live_port if live else None,
+        capture is not None,
+        Path(capture) if capture else None,
+        rate if clock is ClockKind.sim else None,
+        priority,
+        machines_of(peers, interface),
+        port,
+        parameters,
+    )
+    request = RunRequest(
+        scenario,
+        variant,
+        (
+            *(set_ or ()),
+            *(() if state_rate is None else (f"state_rate_hz={state_rate:g}",)),
+            *(() if truth is None else (f"truth_every={ticks_of_truth(truth)}",)),
+            *(() if compression is None else (f"bag_compression={compression.value}",)),
+        ),
+        engine.value,
+        baseline,
+        bag,
+        json,
+        options,
+        watch,
     )
     run_and_show(request, console_beside(json, quiet))
 
@@ -455,26 +507,27 @@ def node(
     rate: Rate = None,
     strict: Strict = False,
     priority: Priority = 0,
+    live: Live = False,
+    live_port: LivePort = None,
     peers: Peers = None,
     interface: Interface = None,
 ) -> None:
     """Play one node of a run in this terminal."""
-    from etac_ros.cli.nodes import play
+    from etac_ros.cli.nodes import join_domain, play
+    from etac_ros.scenario.load import load
 
-    if rate is not None and clock is ClockKind.sim:
-        raise ScenarioError(
-            f"--rate {rate:g}", "is for --clock wall where nodes are started by hand", "", "leave it out"
-        )
+    domain = join_domain(peers, interface)
     play(
         name,
-        [str(params_file)],
+        load(str(params_file)),
+        domain,
         bag,
         quiet_s,
         rate_of_clock(clock, rate, strict, priority),
         strict,
         priority,
-        peers,
-        interface,
+        rate if clock is ClockKind.sim else None,
+        port_of_live(live, live_port),
     )
 
 
@@ -567,6 +620,28 @@ def play(
     from etac_ros.cli.show import make_console
 
     play_bag(bag, rate, domain, topic or (), everything, wait, make_console(), peers, interface)
+
+
+@app.command()
+def watch(
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="What runs; default: what the run says of itself.", autocompletion=complete.scenarios),
+    ] = None,
+    variant: Variant = None,
+    set_: Set = None,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or that of the one run on this machine.")
+    ] = None,
+    peers: Peers = None,
+    interface: Interface = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show a run that goes on elsewhere, as it happens; listens only."""
+    from etac_ros.cli.outputs import console_beside
+    from etac_ros.cli.watch import watch_run
+
+    watch_run(scenario, variant, set_ or (), domain, console_beside(None, quiet), peers, interface)
 
 
 def _version(wanted: bool) -> None:

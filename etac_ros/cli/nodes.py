@@ -5,15 +5,16 @@ ros2 run etac_ros sensor --ros-args --params-file wu2018.yaml [-r __ns:=/pm -r _
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn
 
-import yaml
-
+from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
@@ -21,36 +22,63 @@ from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.engines.ros.several_machines import find_peers, machines_of
 from etac_ros.errors import EtacError, RunError, ScenarioError
+from etac_ros.graph.topics import emulation_topics
 from etac_ros.runs import (
     RosOptions,
     free_bag_directory,
     open_bag,
+    parameters_of,
     real_time,
     state_streams,
     warm_up,
     windows_of,
 )
-from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load_files
-
-_KEY = "ros__parameters"
-_Number = TypeVar("_Number", int, float)
+from etac_ros.timing.windows import short_windows
 
 if TYPE_CHECKING:
+    from etac_ros.engines.ros.arguments import RosArguments
     from etac_ros.engines.ros.count_check import Outcome
     from etac_ros.engines.ros.plan import Plan
 
 
+def join_domain(peers: str | None = None, interface: str | None = None) -> int:
+    """Prepare the environment of a node that is started by hand: it decides how DDS behaves, before rclpy is loaded.
+
+    Parameters
+    ----------
+    peers, interface
+        As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
+
+    Returns
+    -------
+    int
+        The ROS domain.
+
+    Raises
+    ------
+    ScenarioError
+        If with these settings no node could find another.
+    """
+    domain = domain_of_environment(os.environ) or 0
+    machines = machines_of(peers, interface)
+    find_peers(machines, domain)
+    join_by_hand(os.environ, domain, machines)
+    return domain
+
+
 def play(
     name: str,
-    params_files: Sequence[str],
+    scenario: Scenario,
+    domain: int,
     bag: Path | None = None,
     quiet_s: float = QUIET_S,
     rate: float | None = None,
     strict: bool = False,
     priority: int = 0,
-    peers: str | None = None,
-    interface: str | None = None,
+    pace: float | None = None,
+    live: int | None = None,
+    ros_args: Sequence[str] = (),
 ) -> NoReturn:
     """Play one node of a run until the run is over, and end the process with it.
 
@@ -58,28 +86,28 @@ def play(
     ----------
     name
         Full name of the node; ``/recorder`` and ``/coordinator`` are in every scenario.
-    params_files
-        A scenario's file or name, or several files, each laid over those before. All nodes of a run need the same.
+    scenario
+        The same for all nodes of a run.
+    domain
+        What :func:`join_domain` has found.
     bag
         Directory of the bag, for the recorder.
     quiet_s
         How long a node may owe an answer before it is reported [s].
     rate, strict, priority
         As for :class:`~etac_ros.runs.RosOptions`; the same for all nodes of a run.
-    peers, interface
-        As for :func:`~etac_ros.engines.ros.several_machines.machines_of`.
+    pace
+        As for :class:`~etac_ros.runs.RosOptions`, for the node that keeps time.
+    live
+        Likewise, for the recorder.
+    ros_args
+        What is for the node's own logging and security, as behind ``--ros-args``.
 
     Raises
     ------
     EtacError
         If the scenario has no such node, or the environment does not let it meet others; nothing has been started.
     """
-    domain = domain_of_environment(os.environ) or 0
-    # The environment decides how DDS behaves, and it has to be set before rclpy is loaded.
-    machines = machines_of(peers, interface)
-    find_peers(machines, domain)
-    join_by_hand(os.environ, domain, machines)
-    scenario = load_files(params_files)
     from etac_ros.engines.ros.host import leave_process
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
     from etac_ros.engines.ros.wall_host import host_of
@@ -88,7 +116,18 @@ def play(
     wall = real_time(RosOptions(only=name, rate=rate, strict=strict, priority=priority), scenario)
     windows = windows_of(scenario)
     shown = parameters_of(scenario)
-    plan = Plan(scenario.name, scenario.digest, scenario.build(), windows, quiet_s=quiet_s, wall=wall, parameters=shown)
+    plan = Plan(
+        scenario.name,
+        scenario.digest,
+        scenario.build(),
+        windows,
+        quiet_s=quiet_s,
+        wall=wall,
+        pace=pace,
+        parameters=shown,
+        told=scenario.told,
+        ros_args=tuple(ros_args),
+    )
     name = "/" + name.strip("/")
     if name not in plan.nodes:
         raise ScenarioError(
@@ -100,15 +139,15 @@ def play(
             f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
             "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
         )  # fmt: skip
+    _check_who_can(plan, name, pace, live)
     directory = bag or Path()
     if name == RECORDER:
         directory = bag or free_bag_directory(scenario)
         check_writable(directory)
     warm_up(scenario)
     print(f"{name}: ready in ROS domain {domain}; the run begins when all nodes are there", flush=True)
-    host = host_of(plan)(
-        plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state_streams(scenario), wall)
-    )
+    state = state_streams(scenario, live=live is not None) if name == RECORDER else None
+    host = host_of(plan)(plan, [name], lambda wall=None: open_bag(scenario, directory, "ros", (), state, wall, live))
     try:
         outcome = host.run()
         _show_outcome(scenario, plan, name, directory, outcome)
@@ -122,15 +161,22 @@ def play(
     leave_process(0)
 
 
-def parameters_of(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """What each node shows to ROS tools: the section of the whole run, and its own."""
+def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) -> None:
+    """Refuse what only another node of the run can do."""
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
-    from etac_ros.engines.ros.public import flattened
 
-    sections = {name: section[_KEY] for name, section in yaml.safe_load(scenario.text).items()}
-    of_all = dict(flattened(sections.get(EVERYWHERE, {})))
-    names = [*scenario.nodes, COORDINATOR, RECORDER]
-    return {name: of_all | dict(flattened(sections.get(name, {}))) for name in names}
+    keeper = plan.timekeeper_with or COORDINATOR
+    if pace is not None:
+        if name != keeper:
+            found = "in simulated time is for the node that keeps it, which the others follow"
+            raise ScenarioError(
+                f"{name}: --rate {pace:g}", found, "", f"give it to {keeper}, or add --clock wall to all"
+            )
+        short_windows(plan.windows, pace, plan.graph.ticks_per_second)  # refuses a pace that is none
+    if live is not None:
+        if name != RECORDER:
+            raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
+        check_live(live)
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:
@@ -185,9 +231,10 @@ def coordinator() -> None:
 def _main(executable: str) -> None:
     hold_standard_streams()
     try:
-        options, arguments = parse_options(executable, sys.argv[1:])
-        name, params_files, bag = parse_arguments(executable, arguments)
-        play(name, params_files, bag, **options._asdict())
+        if {"-h", "--help"} & set(sys.argv[1:]):
+            print(_USAGE.format(executable=executable))
+        else:
+            play_by_arguments(executable, sys.argv[1:])
     except EtacError as error:
         print(f"{executable}: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, ScenarioError) else 1)
@@ -195,85 +242,95 @@ def _main(executable: str) -> None:
         sys.exit(130)
 
 
-_LOG_FLAGS = {
-    f"--{what}-{kind}-logs" for what in ("enable", "disable") for kind in ("rosout", "stdout", "external-lib")
-}
 _USAGE = """\
 {executable}: plays a node of a scenario, until the run is over
 
-  {executable} --ros-args --params-file FILE [--params-file FILE ...] [-r __ns:=/NAMESPACE] [-r __node:=NAME]
+  {executable} [--bag DIR] [--clock wall] [--rate R] [--live] --ros-args --params-file FILE [...] [ROS options]
 
   --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run; of several, each is laid over
                        those before
+  -r __ns:=, __node:=  which node of the scenario, with or without NODE: before them
+  --log-level LEVEL    and the other logging options of ROS: of what this node tells /rosout
+  --enclave PATH       as of any ROS node
+  -r FROM:=TO, -p      refused where they concern this node alone: the nodes of a run agree on topics and parameters
+
   --bag DIR            for the recorder: folder of the bag
+  --live [--live-port PORT]  for the recorder: show the run to Foxglove
   --clock wall         real time, with --rate R simulated seconds a second; the same for all nodes of a run
+  --rate R             in simulated time, for the node that keeps it: so fast at most
   --strict             with --clock wall: end at the first missed tick of this node
   --priority N         with --clock wall: real-time priority of this process (SCHED_FIFO), 1 to 99
   --peers A,B, --interface I
                        other machines of the run, and by which address this one takes part
-  -r __ns:=, __node:=  which node of the scenario
 
-  The domain is ROS_DOMAIN_ID. Logging options of ROS and --enclave are taken, and of no consequence."""
+  The domain is ROS_DOMAIN_ID."""
 
 
-class Options(NamedTuple):
-    """What an executable takes besides what ROS gives to any node; as :func:`play` has it."""
+@dataclass(frozen=True)
+class OwnOptions:
+    """What of an executable's command line is not ROS's."""
 
+    bag: Path | None = None
+    clock: str = "sim"
     rate: float | None = None
     strict: bool = False
     priority: int = 0
     peers: str | None = None
     interface: str | None = None
+    live: bool = False
+    live_port: int | None = None
 
 
-_OPTIONS = ("--clock", "--rate", "--priority", "--peers", "--interface")
-_FOR_REAL_TIME = ("--rate", "--strict", "--priority")
+def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
+    """The options of ours on a ROS command line, the same as those of ``etac node``.
 
-
-def parse_options(executable: str, arguments: Sequence[str]) -> tuple[Options, list[str]]:
-    """The options that are not ROS's, the same as those of ``etac node``; and the other arguments.
+    Parameters
+    ----------
+    executable
+        Who is called.
+    arguments
+        What of it is none of ROS's.
 
     Raises
     ------
     ScenarioError
-        If a value is missing or makes no sense.
+        If one is unknown, or has no value or a wrong one.
     """
-    given: dict[str, str] = {}
-    others: list[str] = []
-    words = iter(arguments)
-    for word in words:
-        if word == "--strict":
-            given[word] = ""
-        elif word not in _OPTIONS:
-            others.append(word)
-        elif (value := next(words, None)) is None:
-            raise ScenarioError(f"{executable} {word}", "has no value")
-        else:
-            given[word] = value
-    machines = given.get("--peers"), given.get("--interface")
-    clock = given.get("--clock", "sim")
-    if clock not in ("sim", "wall"):
-        raise ScenarioError(f"{executable} --clock {clock}", "is no clock", "sim or wall")
-    if clock == "sim":
-        for option in _FOR_REAL_TIME:
-            if option in given:
-                shown = f"{executable} {option} {given[option]}".rstrip()
-                raise ScenarioError(shown, "is for --clock wall", "", "add --clock wall")
-        return Options(None, False, 0, *machines), others
-    rate = _number(executable, "--rate", given.get("--rate", "1"), float, "simulated seconds a second")
-    priority = _number(executable, "--priority", given.get("--priority", "0"), int, "a whole one from 1 to 99")
-    return Options(rate, "--strict" in given, priority, *machines), others
+    found, unknown = _parser(executable).parse_known_args(arguments)
+    if unknown:
+        where = f"{executable} {' '.join(unknown)}"
+        raise ScenarioError(where, "is not understood", "what --help says", "options of ROS stand behind --ros-args")
+    if found.live_port is not None and not found.live:
+        raise ScenarioError(f"{executable} --live-port", "is for --live", "", "add --live")
+    if found.clock == "sim":
+        for option, given in (("--strict", found.strict), ("--priority", found.priority)):
+            if given:
+                raise ScenarioError(f"{executable} {option}", "is for --clock wall", "", "add --clock wall")
+    return OwnOptions(**vars(found))
 
 
-def _number(executable: str, option: str, value: str, kind: Callable[[str], _Number], expected: str) -> _Number:
-    try:
-        return kind(value)
-    except ValueError:
-        raise ScenarioError(f"{executable} {option} {value}", "is no number", expected) from None
+def _parser(executable: str) -> _Parser:
+    parser = _Parser(prog=executable, add_help=False, allow_abbrev=False)
+    parser.add_argument("--bag", type=Path)
+    parser.add_argument("--clock", choices=("sim", "wall"), default="sim")
+    parser.add_argument("--rate", type=float)
+    parser.add_argument("--strict", action="store_true")
+    parser.add_argument("--priority", type=int, default=0)
+    parser.add_argument("--peers")
+    parser.add_argument("--interface")
+    parser.add_argument("--live", action="store_true")
+    parser.add_argument("--live-port", type=int)
+    return parser
 
 
-def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tuple[str, ...], Path | None]:
-    """Node name, parameter files and bag from a ROS command line.
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Say it as everything else is said."""
+        raise ScenarioError(self.prog, message, "what --help says")
+
+
+def play_by_arguments(executable: str, arguments: Sequence[str]) -> NoReturn:
+    """Play the node that a ROS command line says.
 
     Parameters
     ----------
@@ -285,53 +342,61 @@ def parse_arguments(executable: str, arguments: Sequence[str]) -> tuple[str, tup
     Raises
     ------
     ScenarioError
-        If the parameter file is missing, or something is given that would silently be ignored.
-    SystemExit
-        After help has been printed.
+        If ROS does not understand them, or something is given that would make one node different from what the others
+        know.
+    EtacError
+        As :func:`play` does.
     """
-    namespace, base, bag = "", executable, None
-    params_files: list[str] = []
-    words = iter(word for word in arguments if word not in ("--ros-args", "--"))
-    for word in words:
-        if word in ("-h", "--help"):
-            print(_USAGE.format(executable=executable))
-            sys.exit(0)
-        if word in _LOG_FLAGS:
-            continue
-        value = next(words, None)
-        if value is None:
-            raise ScenarioError(f"{executable} {word}", "has no value")
-        if word in ("-r", "--remap"):
-            value = value.removeprefix(f"{executable}:")  # ROS lets a rule say for which node it is
-        match word:
-            case "--params-file":
-                params_files.append(value)
-            case "--log-level" | "--log-config-file" | "--log-file-name" | "-e" | "--enclave":
-                pass  # as `ros2 launch` hands them to any node; these log nothing by ROS, and use no security
-            case "--bag":
-                bag = Path(value)
-            case "-r" | "--remap" if value.startswith("__ns:="):
-                namespace = value.removeprefix("__ns:=").rstrip("/")
-            case "-r" | "--remap" if value.startswith(("__node:=", "__name:=")):
-                base = value.partition(":=")[2]
-            case "-r" | "--remap" if ":=" in value and not value.startswith("__"):
-                raise ScenarioError(
-                    f"{executable} -r {value}",
-                    "would move a topic for one node only",
-                    "the same topics for all nodes of a run",
-                    "make a file with `etac resolve NAME --set links.LINK.topic=/TOPIC` and give it to all of them",
-                )
-            case "-p" | "--param":
-                raise ScenarioError(
-                    f"{executable} -p {value}",
-                    "would change one node only",
-                    "the same parameters for all nodes of a run",
-                    "make a file with `etac resolve NAME --set KEY=VALUE` and give it to all of them",
-                )
-            case _:
-                raise ScenarioError(
-                    f"{executable} {word} {value}", "is not understood", "--params-file FILE, --bag DIR, -r"
-                )
-    if not params_files:
-        raise ScenarioError(executable, "has no parameter file", "--ros-args --params-file FILE")
-    return f"{namespace}/{base}", tuple(params_files), bag
+    # Which machines take part decides how DDS behaves, so it has to be known before rclpy reads the rest.
+    first, _ = _parser(executable).parse_known_args(arguments)
+    domain = join_domain(first.peers, first.interface)
+    from etac_ros.bag.live import PORT
+    from etac_ros.engines.ros.arguments import RosArguments
+
+    with RosArguments(executable, arguments, domain) as given:
+        own = own_options(executable, given.others)
+        if not given.params_files:
+            raise ScenarioError(executable, "has no parameter file", "--ros-args --params-file FILE")
+        scenario = load_files(given.params_files)
+        check_same_for_all(executable, scenario, given)
+    wall = own.clock == "wall"
+    play(
+        given.name,
+        scenario,
+        domain,
+        own.bag,
+        rate=(1.0 if own.rate is None else own.rate) if wall else None,
+        strict=own.strict,
+        priority=own.priority,
+        pace=None if wall else own.rate,
+        live=(PORT if own.live_port is None else own.live_port) if own.live else None,
+        ros_args=given.passed_on,
+    )
+
+
+def check_same_for_all(executable: str, scenario: Scenario, given: RosArguments) -> None:
+    """Refuse what would make one node of a run different from what the others know.
+
+    Raises
+    ------
+    ScenarioError
+        Naming it, and what to do instead.
+    """
+    for name, value in given.overridden().items():
+        raise ScenarioError(
+            f"{executable} -p {name}:={value}",
+            "would change one node only",
+            "the same parameters for all nodes of a run",
+            "make a file with `etac resolve NAME --set KEY=VALUE` and give it to all of them",
+        )
+    links = {link.topic: link.name for link in scenario.graph.links.values()}
+    for topic, other in given.remapped([*links, *emulation_topics(scenario.graph)]).items():
+        link = links.get(topic)
+        raise ScenarioError(
+            f"{executable} -r {topic}:={other}",
+            "would move a topic for one node only",
+            "the same topics for all nodes of a run",
+            f"make a file with `etac resolve NAME --set links.{link}.topic={other}` and give it to all of them"
+            if link
+            else "leave it out: this topic is between the nodes of a run",
+        )

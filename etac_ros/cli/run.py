@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -17,12 +17,12 @@ from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.interrupts import keeping
 from etac_ros.cli.outputs import check_output, write_output
-from etac_ros.cli.progress import progress_console, steps
+from etac_ros.cli.progress import lines_now_and_then, progress_console, steps
+from etac_ros.cli.screen import Screen
 from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
-from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.engines.ros.several_machines import find_peers, machines_of
+from etac_ros.engines.ros.several_machines import Machines, find_peers
 from etac_ros.errors import RunHalted, ScenarioError
 from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
@@ -39,81 +39,76 @@ from etac_ros.scenario.load import Scenario, baseline_of, load
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What the user asked for on the command line."""
+    """What the user asked for on the command line.
+
+    Attributes
+    ----------
+    scenario, variant, overrides
+        What is run.
+    engine
+        ``ros`` or ``inprocess``.
+    baseline
+        Whether the baseline takes the same way.
+    bag, json
+        Where they go; None takes a new folder, and writes none.
+    options
+        How the run is spread over processes, recorded, timed and shown; by calls, as far as that makes sense.
+    watch
+        Whether it is shown in the terminal as it happens.
+    """
 
     scenario: str
-    variant: str | None
-    overrides: tuple[str, ...]
-    engine: str
-    processes: str
-    baseline: bool
-    bag: Path | None
-    json: Path | None
-    domain: int | None
-    record_windows: bool
-    only: str | None = None
-    quiet_s: float = QUIET_S
-    rate: float | None = None
-    strict: bool = False
-    capture: str | None = None
-    """The pcapng file to keep; empty keeps none; None captures nothing."""
-    pace: float | None = None
-    priority: int = 0
-    peers: str | None = None
-    interface: str | None = None
-    live: int | None = None
+    variant: str | None = None
+    overrides: tuple[str, ...] = ()
+    engine: str = "ros"
+    baseline: bool = False
+    bag: Path | None = None
+    json: Path | None = None
+    options: RosOptions = field(default_factory=RosOptions)
+    watch: bool = False
 
-    @property
-    def options(self) -> RosOptions:
-        """How the run is spread over processes, recorded and timed."""
-        return RosOptions(
-            self.processes,
-            self.domain,
-            self.record_windows,
-            self.only,
-            self.quiet_s,
-            self.rate,
-            self.strict,
-            self.capture is not None,
-            Path(self.capture) if self.capture else None,
-            self.pace,
-            self.priority,
-            machines_of(self.peers, self.interface),
-            self.live,
+
+def ticks_of_truth(words: str) -> int:
+    """What ``--truth`` says, as the scenario's ``truth_every``.
+
+    Raises
+    ------
+    ScenarioError
+        If it says nothing of that kind.
+    """
+    if words in ("all", "none"):
+        return int(words == "all")
+    if not words.isdecimal() or int(words) < 1:
+        raise ScenarioError(
+            f"--truth {words}", "is none of its values", "all, none, or a number of ticks from one sample to the next"
         )
+    return int(words)
 
 
 def run_and_show(request: RunRequest, console: Console) -> None:
     """Run what was asked for, show the tables, write the summary."""
     if request.engine == "ros":
-        request = _in_this_process(request)
-    elif request.rate is not None:
+        request = replace(request, options=_in_this_process(request.options))
+    elif request.options.rate is not None:
         raise ScenarioError("--clock wall", "is for --engine ros: by calls nothing takes its time", "",
                             "leave out --engine, or --clock wall; --rate alone slows simulated time down")  # fmt: skip
     scenario = load(request.scenario, request.variant, request.overrides)
-    if request.capture is not None:
-        _check_capture(request)
-    if request.peers is not None or request.interface is not None:
-        _check_machines(request)
-    if request.live is not None and request.engine != "ros":
-        raise ScenarioError("--live", "is for --engine ros")
-    if request.only is not None and request.pace is not None:
-        raise ScenarioError("--rate", "slows simulated time down for all parts at once", "", "leave out --only")
-    if request.only is not None:
-        if request.engine != "ros":
-            raise ScenarioError("--only", "is for --engine ros")
-        options = request.options
-        console.print(f"{scenario.name}: {request.only} joins ROS domain {request.domain}")
+    options = request.options
+    if request.engine != "ros":
+        _check_by_calls(request)
+    if options.capture:
+        _check_capture(options)
+    if options.machines is not None:
+        _check_machines(options, options.machines)
+    if options.only is not None:
+        console.print(f"{scenario.name}: {options.only} joins ROS domain {options.domain}")
         if play_part(scenario, options):
-            console.print(f"{request.only}: the run is over")
-            given = {"--bag": request.bag, "--json": request.json, "--live": request.live, "--capture": request.capture}
-            idle = ", ".join(option for option, value in given.items() if value is not None)
-            if idle:
-                print(f"etac: {idle}: no effect here; the part that keeps time records the run", file=sys.stderr)
+            console.print(f"{options.only}: the run is over")
+            _say_what_was_idle(request)
             return
-    if request.live is not None:
-        check_live(request.live)
-        console.print(f"live: ws://{HOST}:{request.live}, in Foxglove: Open connection", soft_wrap=True)
+    if options.live is not None:
+        check_live(options.live)
+        console.print(f"live: ws://{HOST}:{options.live}, in Foxglove: Open connection", soft_wrap=True)
     if request.bag is not None:
         check_writable(request.bag)
     check_output("--json", request.json)
@@ -140,7 +135,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         console.print(f"summary: {request.json}", soft_wrap=True)
 
 
-def _in_this_process(request: RunRequest) -> RunRequest:
+def _in_this_process(options: RosOptions) -> RosOptions:
     """What the shell's environment means for the run, before anything of ROS is loaded.
 
     Without ``--domain`` a ROS_DOMAIN_ID is the wanted domain, as for any ROS program.
@@ -149,10 +144,29 @@ def _in_this_process(request: RunRequest) -> RunRequest:
     if idle:
         print(f"etac: no effect on a run, which keeps to this machine: {', '.join(idle)}", file=sys.stderr)
     os.environ.pop("RMW_IMPLEMENTATION", None)  # this process is ours, and a run has but one choice
-    if request.domain is not None:
-        check_domain(request.domain, "--join" if request.only else "--domain")
-        return request
-    return replace(request, domain=domain_of_environment(os.environ))
+    if options.domain is not None:
+        check_domain(options.domain, "--join" if options.only else "--domain")
+        return options
+    return replace(options, domain=domain_of_environment(os.environ))
+
+
+def _say_what_was_idle(request: RunRequest) -> None:
+    """What was asked of a part of a run that only the part that keeps time can do."""
+    options = request.options
+    given = {
+        "--bag": request.bag is not None,
+        "--json": request.json is not None,
+        "--live": options.live is not None,
+        "--watch": request.watch,
+        "--rate": options.pace is not None,
+        "--capture": options.capture,
+    }
+    idle = ", ".join(option for option, is_given in given.items() if is_given)
+    if idle:
+        print(
+            f"etac: {idle}: no effect here; the part that keeps time paces and records the run, give it there",
+            file=sys.stderr,
+        )
 
 
 def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
@@ -164,21 +178,33 @@ def _baseline_of(scenario: Scenario, console: Console) -> Scenario | None:
         return None
 
 
-def _check_machines(request: RunRequest) -> None:
-    if request.engine != "ros":
-        raise ScenarioError("--peers", "is for --engine ros: calls do not leave this machine")
-    if request.capture is not None:
+def _check_by_calls(request: RunRequest) -> None:
+    """Refuse what makes no sense where calls carry the messages."""
+    options = request.options
+    refused = {
+        "--only": (options.only is not None, "is for --engine ros: by calls a run has no parts"),
+        "--capture": (options.capture, "is for --engine ros: by calls nothing is on a wire"),
+        "--peers": (options.machines is not None, "is for --engine ros: calls do not leave this machine"),
+        "--parameters": (options.parameters, "is for --engine ros: by calls there are no nodes to ask"),
+        "--record-windows": (options.record_windows, "is for --engine ros: by calls no window is a message"),
+    }
+    for option, (is_given, why) in refused.items():
+        if is_given:
+            raise ScenarioError(option, why, "", f"leave out {option}, or --engine")
+
+
+def _check_machines(options: RosOptions, machines: Machines) -> None:
+    if options.capture:
         raise ScenarioError("--capture", "captures the loopback of this machine alone", "", "leave out --peers")
-    find_peers(machines_of(request.peers, request.interface), request.domain)
+    find_peers(machines, options.domain)
 
 
-def _check_capture(request: RunRequest) -> None:
-    if request.engine != "ros":
-        raise ScenarioError("--capture", "is for --engine ros: by calls nothing is on a wire")
-    if request.capture:
-        path = Path(request.capture)
-        if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
+def _check_capture(options: RosOptions) -> None:
+    path = options.keep_capture
+    if path is not None and (
+        path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK)
+    ):
+        raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
 
 
 def _kept(bag: Path | None) -> str:
@@ -196,7 +222,8 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
     try:
         if request.baseline and request.engine == "ros":
             beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-            return _run(scenario, replace(request, capture=None), beside, console)
+            plain = replace(request.options, capture=False, keep_capture=None, live=None)
+            return _run(scenario, replace(request, options=plain), beside, console)
         return run_in_process(scenario)
     except RunHalted as halted:
         console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
@@ -204,17 +231,25 @@ def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, con
 
 
 def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
-    if request.engine == "inprocess":
-        return run_in_process(scenario, bag, request.pace)
-    assert bag is not None
     options = request.options
+    shown = progress_console(console)
+    if request.watch:
+        say = lines_now_and_then(console.quiet)
+        title = f"{scenario.name}, {scenario.variant}" if scenario.variant else scenario.name
+        with Screen(shown, title, scenario.graph, say) as screen:
+            if request.engine == "inprocess":
+                return run_in_process(scenario, bag, options.pace, options.live, screen.show)
+            assert bag is not None
+            return run_over_ros(scenario, bag, options, on_picture=screen.show)
+    if request.engine == "inprocess":
+        return run_in_process(scenario, bag, options.pace, options.live)
+    assert bag is not None
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=30),
         TextColumn("{task.completed:.0f}/{task.total:.0f} s simulated"),
         TextColumn("{task.fields[note]}"),
     )
-    shown = progress_console(console)
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task(scenario.name, total=scenario.run.duration_s, note="joining")
         began = time.perf_counter()

@@ -24,6 +24,7 @@ from etac_ros.metrics.cells import (
     PERFORMANCE_SHORT,
     WATCHED,
     acknowledgement_account_cells,
+    energy_heading,
     falls_short,
     fault_account_cells,
     fault_notes,
@@ -215,7 +216,8 @@ def _performance(summary: Summary) -> Table:
         runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
     rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
     note = f"error and rate at the end, * from {summary.steady_from_s:g} s on"
-    table = Table("", ("plant", *PERFORMANCE_SHORT), rows, (note,)).without_empty_columns()
+    columns = "plant", *PERFORMANCE_SHORT, energy_heading(runs.values())
+    table = Table("", columns, rows, (note,)).without_empty_columns()
     return table if len(table.columns) > 2 else replace(table, notes=())
 
 
@@ -265,7 +267,9 @@ def _modelled(row: TopicRow) -> int | None:
 
 def show_recovery(bag: Path, output: Path | None, console: Console) -> None:
     """What ``etac recover`` prints."""
-    report = recover(bag, output)
+    from etac_ros.runs import state_rest  # takes a while to load, which most commands need not
+
+    report = recover(bag, output, state_rest)
     if report.nothing_to_do:
         console.print(f"{report.bag}: is whole, nothing to do", soft_wrap=True)
         return

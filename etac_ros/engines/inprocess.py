@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from etac_ros.graph.driver import Driver, Sent
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrival
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message, Recording
+from etac_ros.graph.spool import Spool
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.master import TimeMaster
-from etac_ros.timing.orders import Deliver, Fire, Look, MessageId, Open, Order, Report
+from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report
 from etac_ros.timing.windows import USUAL_WINDOWS, WindowPolicy
 
 
@@ -25,9 +27,13 @@ class InProcess:
     windows
         How far plants compute ahead.
     trace
-        Called with every order and its report; for tests and for teaching.
+        Called with every order and its report; for tests and for teaching. An attribute, too.
     before
-        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it.
+        Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
+        attribute, too.
+    trimmed
+        Let windows end where their only reader acts, if plant and reader can tell beforehand: how long they are else.
+        No bit depends on it. None leaves all windows to ``windows``.
     """
 
     def __init__(
@@ -35,18 +41,35 @@ class InProcess:
         graph: Graph,
         windows: WindowPolicy = USUAL_WINDOWS,
         trace: Callable[[Order, Report], None] | None = None,
-        before: Callable[[int], None] = lambda tick: None,
+        before: Callable[[int], None] | None = None,
+        trimmed: int | None = None,
     ) -> None:
-        self.master = TimeMaster(graph, windows)
-        self.recording = Recording(
-            messages={name: [] for name in graph.links}, truth={name: [] for name in graph.plants}
-        )
-        self._graph = graph
-        self._trace = trace
-        self._before = before
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
+        self._plants = {name: _plant(graph, name) for name in graph.plants}
+        # By plant: whose next act its windows end with.
+        self._acting: dict[str, Driver] = {}
+        for name, plant in self._plants.items() if trimmed is not None else ():
+            readers = graph.readers[name]
+            if len(readers) == 1 and graph.modules[readers[0]].stops and plant.can_stop:
+                self._acting[name] = self._drivers[readers[0]]
+        self_ending = {} if trimmed is None else dict.fromkeys(self._acting, trimmed)
+        self.master = TimeMaster(graph, windows, self_ending, with_history=False)
+        self._truth = {name: Spool() for name in graph.plants}
+        self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
+        self._graph = graph
+        self._untold = windows.first
+        self.trace = trace
+        self.before = before
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
+        self._ports = {name: {link.name: link.receivers[name] for link in graph.hears[name]} for name in graph.modules}
+        self._does: dict[type[Order], Callable[[Any], Report]] = {
+            Look: self._look,
+            Deliver: self._deliver,
+            Open: self._open,
+            Fire: self._fire,
+            Close: self._close,
+        }
 
     def run(self) -> Recording:
         """Run from tick 0 to the end.
@@ -63,48 +86,51 @@ class InProcess:
         """
         batches = self.master.run()
         orders = next(batches)
+        does = self._does
         while True:
-            self._before(self.master.tick)
-            reports = [self._execute(order) for order in orders]
+            if self.before is not None:
+                self.before(self.master.tick)
+            reports = [does[type(order)](order) for order in orders]
+            if self.trace is not None:
+                for order, report in zip(orders, reports, strict=True):
+                    self.trace(order, report)
             try:
                 orders = batches.send(reports)
             except StopIteration:
                 break
+        self.log()
+        return self.recording
+
+    def log(self) -> None:
+        """Put into the recording what has been sent, and what has happened on the air, since the last time."""
         self.recording.air += self.master.take_air_log()
         for link, sequence, tick, step in self.master.take_message_log():
             value = self._values[MessageId(link, sequence)]
             self.recording.messages[link].append(Message(sequence, tick, step, value))
-        return self.recording
 
-    def _execute(self, order: Order) -> Report:
-        report = self._obey(order)
-        if self._trace is not None:
-            self._trace(order, report)
-        return report
+    def obey(self, order: Order) -> Report:
+        """Execute one order of the time master."""
+        return self._does[type(order)](order)
 
-    def _obey(self, order: Order) -> Report:
-        if isinstance(order, Look):
-            return self._look(order)
-        if isinstance(order, Deliver):
-            driver = self._drivers[order.module]
-            for one in order.settled:
-                driver.settle(order.tick, self._graph.links[one.link].port, one.acknowledged)
-            if order.settled and not order.messages:
-                return Report(halt=driver.module.halt)
-            arrivals = tuple(self._arrival(order.module, message) for message in order.messages)
-            return Report(self._send(driver.receive(order.tick, arrivals)), halt=driver.module.halt)
-        if isinstance(order, Open):
-            return self._open(order)
-        if isinstance(order, Fire):
-            driver = self._drivers[order.module]
-            sent, concluded = self._act(driver, order.tick, order.alone)
-            return Report(sent, concluded=concluded, halt=driver.module.halt)
-        self._commit(order.module, order.tick)
-        return Report(halt=self._plant(order.module).halt)
+    def _deliver(self, order: Deliver) -> Report:
+        name, tick, _, messages, _, ends = order
+        driver = self._drivers[name]
+        for one in ends:
+            driver.settle(tick, self._graph.links[one.link].port, one.acknowledged)
+        if ends and not messages:
+            return Report(halt=driver.module.halt)
+        ports, values = self._ports[name], self._values
+        arrivals = tuple([Arrival(ports[message[0]], message[0], values[message]) for message in messages])
+        return Report(self._send(driver.receive(tick, arrivals)), halt=driver.module.halt)
+
+    def _fire(self, order: Fire) -> Report:
+        driver = self._drivers[order.module]
+        sent, concluded = self._act(driver, order.tick, order.alone)
+        return Report(sent, concluded=concluded, halt=driver.module.halt)
 
     def _look(self, order: Look) -> Report:
         plant = self._graph.reads.get(order.module)
-        if plant is not None and self._plant(plant).halt:
+        if plant is not None and self._plants[plant].halt:
             return Report()  # there is no window any more to look at
         driver = self._drivers[order.module]
         proposal = driver.look(order.after)
@@ -114,34 +140,48 @@ class InProcess:
         return Report(sent, proposal, fired=True, concluded=concluded, halt=driver.module.halt)
 
     def _open(self, order: Open) -> Report:
-        self._commit(order.module, order.tick)
-        plant = self._plant(order.module)
+        name, tick, length, _ = order
+        self._commit(name, tick)
+        plant = self._plants[name]
         if plant.halt:
             return Report(halt=plant.halt)
-        window = plant.open(order.length)
-        for reader in self._graph.readers[order.module]:
+        acting = self._acting.get(name)
+        stop = None if acting is None else acting.module.stop()
+        if acting is not None and stop is None:  # it cannot tell just now, and asking again costs little
+            window = plant.open(min(length, self._untold))
+        else:
+            window = plant.open(length, stop)
+        for reader in self._graph.readers[name]:
             self._drivers[reader].see(window)
-        return Report()
+        return _OPENED if len(window.samples) == length else Report(last=window.last)
+
+    def _close(self, order: Close) -> Report:
+        self._commit(order.module, order.tick)
+        return Report(halt=self._plants[order.module].halt)
 
     def _act(self, driver: Driver, tick: int, alone: bool) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
         sent = self._send(driver.fire(tick))
         return sent, self._send(driver.conclude(tick)) if alone and driver.module.concludes else None
 
-    def _plant(self, name: str) -> PlantModule:
-        module = self._graph.modules[name]
-        assert isinstance(module, PlantModule)
-        return module
-
     def _commit(self, plant: str, tick: int) -> None:
-        start, samples = self._plant(plant).commit(tick)
-        if samples.shape[0]:
-            self.recording.truth[plant].append((start, samples))
-
-    def _arrival(self, receiver: str, message: MessageId) -> Arrival:
-        return Arrival(self._graph.links[message.link].receivers[receiver], message.link, self._values[message])
+        start, samples = self._plants[plant].commit(tick)
+        if len(samples):
+            self._truth[plant].append((start, samples))
 
     def _send(self, sent: Sent) -> tuple[str, ...]:
+        names = []
         for link, value in sent:
-            self._numbers[link.name] += 1
-            self._values[MessageId(link.name, self._numbers[link.name])] = value
-        return tuple(link.name for link, _ in sent)
+            name = link.name
+            number = self._numbers[name] = self._numbers[name] + 1
+            self._values[MessageId(name, number)] = value
+            names.append(name)
+        return tuple(names)
+
+
+_OPENED = Report()
+
+
+def _plant(graph: Graph, name: str) -> PlantModule:
+    module = graph.modules[name]
+    assert isinstance(module, PlantModule)
+    return module

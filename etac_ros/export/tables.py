@@ -23,7 +23,7 @@ from etac_ros.graph import replay
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics import curves
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Body, bodies_of, errors_of
+from etac_ros.plants.plant import Body, bodies_of
 from etac_ros.report.source import ReportedRun, read_run
 
 _XYZ = ("x", "y", "z")
@@ -102,6 +102,10 @@ class BagTables:
             "state": self._state,
             "watched": self._watched,
         }
+        if run.recording.every == 0:  # --truth none
+            self._samples = {}
+        elif run.recording.every != 1:
+            del self._samples["watched"]
         self._events = {"triggers": self._triggers, "messages": self._messages}
 
     @property
@@ -161,26 +165,23 @@ class BagTables:
                 yield Series(
                     node, "quaternion", "1", ("q0", "q1", "q2", "q3"), ticks, np.asarray(body.quaternions(states))
                 )
-            first, _ = run.recording.samples(plant)
             angles = curves.attitude(run.graph, run.recording, self._rows[node]).values
             components = ("roll", "pitch", "yaw") if angles.shape[1] == 3 else _numbered(angles.shape[1])
-            yield self._kept(node, first, "euler error", "deg", components, angles)
+            yield self._kept(node, plant, "euler error", "deg", components, angles)
         for plant in curves.attitude_plants(run.graph):
-            first, _ = run.recording.samples(plant)
             angle = curves.attitude_angle(run.graph, run.recording, plant).values
-            yield self._kept(plant, first, "error", "deg", ("angle",), angle)
+            yield self._kept(plant, plant, "error", "deg", ("angle",), angle)
 
     def _rate(self) -> Iterator[Series]:
         for node, plant, body in self._bodies():
-            first, states = self._run.recording.samples(plant)
-            rates = np.asarray(body.rates(errors_of(curves.dynamics(self._run.graph, plant), states, first)))
-            yield self._kept(node, first, "rate", "rad/s", _axes(rates.shape[1]), rates)
+            ticks, states = self._run.recording.kept(plant)
+            rates = np.asarray(body.rates(curves.errors_at(curves.dynamics(self._run.graph, plant), ticks, states)))
+            yield self._kept(node, plant, "rate", "rad/s", _axes(rates.shape[1]), rates)
 
     def _torque(self) -> Iterator[Series]:
         run = self._run
         for plant in run.graph.plants:
-            first, states = run.recording.samples(plant)
-            last = first + states.shape[0] - 1
+            last = sum(run.recording.span(plant)) - 1
             for port, held in replay.held_inputs(run.graph, run.recording, plant).items():
                 until = int(np.searchsorted(held.ticks, last, side="right"))
                 ticks, values = held.ticks[:until], held.values[:until]
@@ -198,9 +199,10 @@ class BagTables:
                 yield Series(plant, found[1], found[2] or "1", (found[1],), ticks, states[:, place : place + 1])
 
     def _watched(self) -> Iterator[Series]:
-        for node, (first, watches) in self._run.watches.items():
+        for node, (_, watches) in self._run.watches.items():
+            plant = node if node in self._run.graph.plants else self._run.graph.reads[node]
             for watch in watches:
-                yield self._kept(node, first, watch.name, watch.unit or "1", tuple(watch.axes), watch.values)
+                yield self._kept(node, plant, watch.name, watch.unit or "1", tuple(watch.axes), watch.values)
 
     def _triggers(self) -> pa.Table:
         run = self._run
@@ -254,16 +256,15 @@ class BagTables:
                 yield _node(plant, body), plant, body
 
     def _thinned(self, plant: str) -> tuple[npt.NDArray[np.int64], FloatArray]:
-        first, states = self._run.recording.samples(plant)
-        skipped = -first % self._period
-        kept = states[skipped :: self._period]
-        return first + skipped + self._period * np.arange(kept.shape[0], dtype=np.int64), kept
+        ticks, states = self._run.recording.kept(plant)
+        due = ticks % self._period == 0
+        return ticks[due], states[due]
 
     def _kept(
-        self, node: str, first: int, quantity: str, unit: str, components: tuple[str, ...], values: FloatArray
+        self, node: str, plant: str, quantity: str, unit: str, components: tuple[str, ...], values: FloatArray
     ) -> Series:
-        """Values at every tick from the first on, thinned."""
-        ticks = np.arange(first, first + values.shape[0], dtype=np.int64)
+        """Values at each committed sample of a plant, thinned."""
+        ticks, _ = self._run.recording.kept(plant)
         kept = ticks % self._period == 0
         return Series(node, quantity, unit, components, ticks[kept], values[kept])
 

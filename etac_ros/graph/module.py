@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from etac_ros.errors import ProtocolError
 from etac_ros.graph.role import Acts, Role
 from etac_ros.graph.wire import Wire, WireFormat
+from etac_ros.maths.rk4 import Stop
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import Plant
 from etac_ros.plants.watch import Watch
@@ -23,8 +24,7 @@ Outputs = Mapping[str, FloatArray]
 """What a module sends: a value for an output port. A port that is left out sends nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(NamedTuple):
     """Samples that a plant has computed ahead under its held input, at ticks ``start .. last``."""
 
     plant: str
@@ -54,8 +54,7 @@ class Window:
         return self.samples[tick - self.start]  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True, slots=True)
-class Arrival:
+class Arrival(NamedTuple):
     """One message as its receiver sees it."""
 
     port: str
@@ -109,6 +108,8 @@ class Module:
     outputs: dict[str, int]
     hears_acknowledgements: bool = False
     """Whether it goes by what was acknowledged of its messages (:meth:`settle`), where they are."""
+    stops: bool = False
+    """Whether it can tell where a window may end (:meth:`stop`)."""
     hold_ticks: int | None = None
     """Ticks after which what it was told last expires, and it acts by itself; None for never."""
     halt: str = ""
@@ -187,6 +188,14 @@ class Module:
         -------
         int or None
             None if it stays quiet up to the window's end (or, without a plant, for good).
+        """
+        return None
+
+    def stop(self) -> Stop | None:
+        """Where a window that opens now may end: behind the state at which the module acts first; None for no such end.
+
+        A hint, by which a plant in the same process computes nothing that is dropped. What happens is decided by
+        :meth:`scan` all the same, so that only speed depends on it.
         """
         return None
 

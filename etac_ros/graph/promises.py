@@ -15,11 +15,13 @@ import numpy as np
 
 import etac_ros
 from etac_ros.errors import BrokenPromise, EtacError
+from etac_ros.maths.finite import all_finite
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Plant
 
 _OURS = f"{Path(etac_ros.__file__).resolve().parent}/"
 _NUMBERS = "fiu"
+_FLOAT64 = np.dtype(np.float64)
 
 
 Probe = Callable[["Component", str, tuple[Any, ...], Mapping[str, Any]], Any]
@@ -66,7 +68,13 @@ class Component:
         probe = _PROBE.get()
         if probe is not None:
             return probe(self, method, arguments, named)
-        return self.plain_call(method, arguments, named)
+        # As plain_call, which would cost another call.
+        try:
+            return getattr(self.owner, method)(*arguments, **named)
+        except EtacError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise failure(self.node, f"{self.name}.{method}", error) from error
 
     def plain_call(self, method: str, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
         """As :meth:`call`, whoever looks on."""
@@ -81,7 +89,7 @@ class Component:
     def vector(self, size: int, method: str, *arguments: Any, **named: Any) -> FloatArray:
         """What a method returns, if it is a vector of a size, of numbers where it was given numbers."""
         value = self.array((size,), method, self.call(method, *arguments, **named))
-        if not np.isfinite(value).all() and are_finite((*arguments, *named.values())):
+        if not all_finite(value) and are_finite((*arguments, *named.values())):
             raise self.broken(method, f"returned {_listed(value)} for finite arguments", "finite numbers")
         return value
 
@@ -101,6 +109,8 @@ class Component:
 
     def array(self, shape: tuple[int, ...], method: str, value: Any) -> FloatArray:
         """A value as a contiguous array of float64, if it is an array of numbers of a shape."""
+        if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == shape and value.flags.c_contiguous:
+            return value
         if not isinstance(value, np.ndarray) or value.dtype.kind not in _NUMBERS or value.shape != shape:
             raise self.broken(method, f"returned {shown(value)}", f"an array of floats of shape {shape}")
         return np.ascontiguousarray(value, dtype=np.float64)
@@ -193,12 +203,12 @@ def _is_ours(file: str) -> bool:
 
 def are_finite(arguments: Sequence[Any]) -> bool:
     """Whether all arrays among some arguments are of numbers."""
-    return all(np.isfinite(each).all() for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
+    return all(all_finite(each) for each in arguments if isinstance(each, np.ndarray) and each.dtype.kind == "f")
 
 
 def first_broken(values: FloatArray, given: FloatArray) -> int | None:
     """First row that holds what is no number though its sample is one; None where there is none."""
-    if np.isfinite(values).all():
+    if all_finite(values):
         return None
     rows = np.flatnonzero(~np.isfinite(values).all(axis=1) & np.isfinite(given).all(axis=1))
     return int(rows[0]) if rows.size else None

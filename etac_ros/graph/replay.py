@@ -162,9 +162,13 @@ def arrivals_by_tick(graph: Graph, recording: Recording, module: str) -> Mapping
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Staircase]:
     """What each input port of a plant held, from its first committed tick on; ports in the plant's order."""
+    return recording.once("held inputs", plant, lambda: _held_inputs(graph, recording, plant))
+
+
+def _held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Staircase]:
     module = graph.modules[plant]
     assert isinstance(module, PlantModule)
-    first, _ = recording.samples(plant)
+    first = recording.first_tick(plant)
     hold = HeldInputs(module.inputs, [link.name for link in graph.hears[plant]])
     totals = {first: hold.total()}
     for (tick, _), some in arrivals(graph, recording, plant).items():
@@ -201,6 +205,10 @@ def energy(graph: Graph, recording: Recording, plant: str, first_tick: int, last
 
 def last_sent(graph: Graph, recording: Recording, module: str) -> Staircase | None:
     """The last-sent value of a module that triggers; None where it has sent nothing."""
+    return recording.once("last sent", module, lambda: _last_sent(graph, recording, module))
+
+
+def _last_sent(graph: Graph, recording: Recording, module: str) -> Staircase | None:
     sent = {message.tick: message.value for message in sent_at_triggers(graph, recording, module)}
     if not sent:
         return None

@@ -5,12 +5,17 @@ What is below ``/emulation`` exists only because hardware is simulated here, and
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from etac_ros.graph.graph import Graph
 from etac_ros.graph.wire import CLOCK_TYPE, NOTE_TYPE, TABLE_TYPE
 
 EMULATION = "/emulation"
 """Prefix of all topics that exist only because hardware is simulated here."""
 
 CLOCK = "/clock"
+SCENARIO = f"{EMULATION}/scenario"
+"""The complete parameters of the run, for who listens."""
 JOIN = f"{EMULATION}/join"
 START = f"{EMULATION}/start"
 STOP = f"{EMULATION}/stop"
@@ -88,3 +93,10 @@ def type_of(topic: str) -> str:
     if topic == CLOCK:
         return CLOCK_TYPE
     return TABLE_TYPE if topic == AIR or topic.rpartition("/")[2] in (_WINDOW, _TRUTH, _LEDGER) else NOTE_TYPE
+
+
+def emulation_topics(graph: Graph) -> Iterator[str]:
+    """Every topic that the nodes of a run have beside its links, and ``/clock``."""
+    yield from (CLOCK, SCENARIO, JOIN, START, STOP, END, LEAVE, FAULT, MESSAGE_LOG, RECORDED)
+    for name in graph.modules:
+        yield from (window_topic(name), truth_topic(name), next_topic(name), go_topic(name), ledger_topic(name))

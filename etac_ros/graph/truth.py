@@ -32,30 +32,8 @@ def dimensions(ticks: int, states: int) -> tuple[Dimension, Dimension]:
     return Dimension("tick", ticks, ticks * states), Dimension("state", states, states)
 
 
-def pack_truth(first_tick: int, samples: FloatArray) -> tuple[FloatArray, int, int]:
-    """Lay out committed samples.
-
-    Parameters
-    ----------
-    first_tick
-        Tick of the first sample.
-    samples
-        Shape (ticks, states).
-
-    Returns
-    -------
-    ndarray, int, int
-        The field ``data``, the number of ticks and the number of states.
-    """
-    ticks, states = samples.shape
-    data = np.empty(DATA_OFFSET + ticks * states)
-    data[0] = first_tick
-    data[DATA_OFFSET:] = samples.ravel()
-    return data, ticks, states
-
-
 def unpack_truth(data: FloatArray, data_offset: int, sizes: Sequence[int]) -> tuple[int, FloatArray]:
-    """Read the samples back: the inverse of :func:`pack_truth`.
+    """Read the samples back.
 
     Parameters
     ----------

@@ -51,10 +51,16 @@ TABLE_TYPE = "std_msgs/msg/Float64MultiArray"
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 """Types of the emulation plane: protocol notes, windows and committed samples, and the simulated time."""
 
+
+def is_stamped(type_name: str) -> bool:
+    """Whether a message type has a header with the time."""
+    return type_name.endswith("Stamped")
+
+
 _BARE_3 = {WireFormat.COMPACT: "geometry_msgs/msg/Point32", WireFormat.DOUBLE: "geometry_msgs/msg/Vector3"}
 _ARRAYS = {WireFormat.COMPACT: "std_msgs/msg/Float32MultiArray", WireFormat.DOUBLE: "std_msgs/msg/Float64MultiArray"}
 _SINGLE_PRECISION = (_BARE_3[WireFormat.COMPACT], _ARRAYS[WireFormat.COMPACT])
-_STAMPED_TYPES = {len(fields): name for name, fields in SCALAR_FIELDS.items() if name.endswith("Stamped")}
+_STAMPED_TYPES = {len(fields): name for name, fields in SCALAR_FIELDS.items() if is_stamped(name)}
 
 
 def bytes_a_component(type_name: str) -> int:
@@ -115,4 +121,4 @@ class Wire:
         """The value as it comes off the wire: contiguous float64, rounded to what the message holds."""
         if self.format is WireFormat.COMPACT:
             return value.astype(np.float32).astype(np.float64)
-        return np.array(value, dtype=np.float64)
+        return value.astype(np.float64)

@@ -10,18 +10,23 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from etac_ros.maths.compiled import kernel
-from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.maths.compiled import inlined, kernel
+from etac_ros.parameters import FloatArray, Parameters, vector
 from etac_ros.plants.flexible import STATES
 
 
+@inlined
+def _form(state, p, out):  # type: ignore[no-untyped-def]
+    square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
+    for j in range(3):
+        out[j] = state[3 + j] + p[0] * (1.0 + square) * state[j]
+
+
 @kernel
-def _feedback(states, alpha):  # type: ignore[no-untyped-def]
+def _feedback(states, p):  # type: ignore[no-untyped-def]
     out = np.empty((states.shape[0], 3))
     for i in range(states.shape[0]):
-        square = states[i, 0] * states[i, 0] + states[i, 1] * states[i, 1] + states[i, 2] * states[i, 2]
-        for j in range(3):
-            out[i, j] = states[i, 3 + j] + alpha * (1.0 + square) * states[i, j]
+        _form(states[i], p, out[i])
     return out
 
 
@@ -50,10 +55,12 @@ class FeedbackVector:
     interval_bound = ("flexible eq. (73)", "its bound Gamma of eq. (64)")
     """Where the paper bounds the inter-event times, and the constant in it that has no value."""
 
+    form = staticmethod(_form)
+
     def __init__(self, parameters: FeedbackVectorParameters, ticks_per_second: int) -> None:
-        self._alpha = parameters.alpha
+        self.form_parameters = vector([parameters.alpha])
 
     def evaluate(self, states: FloatArray) -> FloatArray:
         """``sigma`` of each state ``[p (3), omega (3), ...]``, shape (n, 3)."""
-        result: FloatArray = _feedback(states, self._alpha)
+        result: FloatArray = _feedback(states, self.form_parameters)
         return result

@@ -6,7 +6,8 @@ and ``command(signal, tick)`` are both laws, ``evaluate(states)`` and ``evaluate
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +42,20 @@ class Signal(Protocol):
         Pure. With a second parameter ``ticks`` it is told the tick of each row, for a reference that moves.
         """
         ...
+
+
+class FormedSignal(Signal, Protocol):
+    """A signal whose formula may be compiled into a plant's, so that computing ahead stops where the rule holds."""
+
+    form_parameters: FloatArray
+    form: Callable[..., Any]
+    """``form(state, form_parameters, out)``, as :func:`etac_ros.maths.compiled.inlined` takes it: one row of
+    ``evaluate``."""
+
+
+def is_formed(signal: Signal) -> TypeGuard[FormedSignal]:
+    """Whether the formula of a signal may be compiled into a plant's."""
+    return hasattr(signal, "form_parameters")
 
 
 class Law(Protocol):

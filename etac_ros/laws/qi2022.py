@@ -44,6 +44,7 @@ from pydantic import AfterValidator
 from etac_ros.laws.law import TickArray
 from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.quaternion import dcm
+from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply, turn
 from etac_ros.parameters import FloatArray, Parameters, Vector3, square, vector
@@ -180,12 +181,12 @@ def feed_forward(m, t, p, omega_pi_S_dot, out):  # type: ignore[no-untyped-def]
     out : ndarray, shape (3,)
         Written.
     """
-    q = np.empty(4)
-    C_sp = np.empty((3, 3))
-    ncla = np.empty(3)
-    omega_si_S = np.empty(3)
-    a = np.empty(3)
-    b = np.empty(3)
+    q = scratch(4)
+    C_sp = scratch_matrix(3, 3)
+    ncla = scratch(3)
+    omega_si_S = scratch(3)
+    a = scratch(3)
+    b = scratch(3)
     _received_attitude(m[0:3], q)
     dcm(q, C_sp)
     turn(C_sp, m[9:12], omega_si_S)

@@ -25,6 +25,7 @@ from etac_ros.laws.qi2022 import (
     feed_forward,
 )
 from etac_ros.maths.compiled import inlined, kernel
+from etac_ros.maths.scratch import scratch
 from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import multiply, multiply_transposed
 from etac_ros.parameters import FloatArray, Matrix3, PositiveVector3, square, vector
@@ -65,8 +66,8 @@ def panels_torque(feedback, omega_pi_S_dot, modes, p, out):  # type: ignore[no-u
     out : ndarray, shape (3,)
         Written.
     """
-    omega_si_S_dot = np.empty(3)
-    force = np.empty(3)
+    omega_si_S_dot = scratch(3)
+    force = scratch(3)
     multiply(p[_J_SM_INVERSE : _J_SM_INVERSE + 9], feedback, omega_si_S_dot)
     for i in range(3):
         omega_si_S_dot[i] += omega_pi_S_dot[i]

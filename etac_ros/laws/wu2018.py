@@ -5,17 +5,22 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from etac_ros.maths.compiled import kernel
-from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.maths.compiled import inlined, kernel
+from etac_ros.parameters import FloatArray, Parameters, vector
 from etac_ros.plants.rigid import STATES
 
 
+@inlined
+def _form(state, p, out):  # type: ignore[no-untyped-def]
+    for j in range(3):
+        out[j] = state[4 + j] + p[0] * state[1 + j]
+
+
 @kernel
-def _filtered_error(states, beta):  # type: ignore[no-untyped-def]
+def _filtered_error(states, p):  # type: ignore[no-untyped-def]
     out = np.empty((states.shape[0], 3))
     for i in range(states.shape[0]):
-        for j in range(3):
-            out[i, j] = states[i, 4 + j] + beta * states[i, 1 + j]
+        _form(states[i], p, out[i])
     return out
 
 
@@ -41,13 +46,14 @@ class FilteredError:
     unit = "rad/s"
     interval_bound = ("wu2018 eq. (36)", "the constant b of its eq. (27)")
     """Where the paper bounds the inter-event times, and the constant in it that has no value."""
+    form = staticmethod(_form)
 
     def __init__(self, parameters: FilteredErrorParameters, ticks_per_second: int) -> None:
-        self._beta = parameters.beta
+        self.form_parameters = vector([parameters.beta])
 
     def evaluate(self, states: FloatArray) -> FloatArray:
         """``s`` of each state ``[q (4), omega (3)]``, shape (n, 3)."""
-        result: FloatArray = _filtered_error(states, self._beta)
+        result: FloatArray = _filtered_error(states, self.form_parameters)
         return result
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import importlib.metadata
 import inspect
 import os
@@ -57,8 +58,8 @@ def _use_cache_folder() -> None:
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # made at import, from the environment
 
 
-_waiting: list[Callable[..., Any]] = []
-"""Functions for kernels of which numba does not know yet."""
+_waiting: list[Callable[[], None]] = []
+"""What numba is still to be told: of functions that kernels call, a call each."""
 
 
 def tell_numba() -> None:
@@ -69,10 +70,14 @@ def tell_numba() -> None:
     """
     if "numba" not in sys.modules or not _waiting:
         return
-    from numba.extending import register_jitable
-
     while _waiting:
-        register_jitable(_waiting.pop())
+        _waiting.pop()()
+
+
+def once_numba_is_there(tell: Callable[[], None]) -> None:
+    """Call this as soon as numba has been imported: it tells numba of something that kernels may call."""
+    _waiting.append(tell)
+    tell_numba()
 
 
 def import_numba() -> None:
@@ -96,8 +101,13 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a function that kernels call. It stays an ordinary Python function as well."""
-    _waiting.append(function)
-    tell_numba()
+
+    def tell() -> None:
+        from numba.extending import register_jitable
+
+        register_jitable(function)
+
+    once_numba_is_there(tell)
     return function
 
 
@@ -106,8 +116,32 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     _use_cache_folder()
     tell_numba()
-    made: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")(function)
-    return made
+    made: Any = numba.njit(cache=True, error_model="numpy")(function)
+    _load_without_the_compiler(made)
+    kernel: Callable[..., Any] = made
+    return kernel
+
+
+def _load_without_the_compiler(made: Any) -> None:
+    """Have machine code that is cached loaded without what only compiling needs.
+
+    Numba readies its compiler first: all that it knows of numpy, and scipy for the sake of BLAS. That is three quarters
+    of what a command spends on kernels. Machine code needs the runtime alone, and where none is cached the compiler is
+    readied as ever. This goes by names that numba does not publish; where they are no more, numba does as it would.
+    """
+    try:
+        base: Any = importlib.import_module("numba.core.caching").FunctionCache
+        runtime: Any = importlib.import_module("numba.core.runtime").rtsys
+        guarded, load = base._guard_against_spurious_io_errors, base._load_overload
+    except (ImportError, AttributeError):
+        return
+
+    def load_overload(self: Any, signature: Any, target: Any) -> Any:
+        runtime.initialize(target)
+        with guarded(self):
+            return load(self, signature, target)
+
+    made._cache = type("Cache", (base,), {"load_overload": load_overload})(made.py_func)
 
 
 def source_digest(*functions: Callable[..., Any]) -> str:

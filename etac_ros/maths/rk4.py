@@ -3,11 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from etac_ros.maths.compiled import inlined, kernel, source_digest
+from etac_ros.maths.scratch import scratch
+from etac_ros.parameters import FloatArray
+
+
+class Criterion(NamedTuple):
+    """When to stop computing ahead. It is compiled together with a plant."""
+
+    form: Callable[..., Any]
+    """``form(state, parameters, out)``: writes what is watched of a state into ``out``."""
+    size: int
+    """Components of what is watched."""
+    holds: Callable[..., Any]
+    """``holds(watched, compared, parameters)``: whether to stop."""
+    first: int
+    """Where the parameters of ``holds`` begin; those of ``form`` stand before them."""
+
+
+class Stop(NamedTuple):
+    """Where to stop computing ahead: behind the first state at which somebody would act.
+
+    It says how far, and nothing else: whoever would act decides by itself, on the samples that it is shown.
+    """
+
+    criterion: Criterion
+    parameters: FloatArray
+    compared: FloatArray
+    """What is watched is compared with this: it changes from one window to the next, and costs no compilation."""
 
 
 @inlined
@@ -15,10 +42,21 @@ def _time_itself(t, parameters):  # type: ignore[no-untyped-def]
     return t
 
 
-def propagator(
-    derivative: Callable[..., Any], project: Callable[..., Any], drive: Callable[..., Any] = _time_itself
-) -> Callable[..., Any]:
-    """Compile the propagation of one kind of plant over a number of ticks under a held input.
+@inlined
+def _form_nothing(state, parameters, out):  # type: ignore[no-untyped-def]
+    pass
+
+
+@inlined
+def _never(watched, compared, parameters):  # type: ignore[no-untyped-def]
+    return False
+
+
+_ON = Criterion(_form_nothing, 1, _never, 0)
+
+
+class Propagator:
+    """The propagation of one kind of plant over a number of ticks under a held input, compiled when it is first called.
 
     Parameters
     ----------
@@ -31,25 +69,105 @@ def propagator(
     drive
         ``drive(t, parameters)``: what the derivative needs of the time ``t`` [s], a number or a tuple of numbers. A
         step has two new instants and four derivatives, so costly functions of time belong here.
+    """
+
+    def __init__(self, derivative: Callable[..., Any], project: Callable[..., Any], drive: Callable[..., Any]) -> None:
+        self._parts = (derivative, project, drive)
+        self.name = "propagate." + ".".join(map(_name, self._parts))
+        self._plain: dict[int, Callable[..., Any]] = {}
+        self._stopping: dict[tuple[int, Criterion], Callable[..., Any]] = {}
+
+    def __call__(
+        self,
+        state: FloatArray,
+        tick: int,
+        count: int,
+        held: FloatArray,
+        parameters: FloatArray,
+        ticks_per_second: int,
+        substeps: int,
+    ) -> FloatArray:
+        """Compute the states at ``tick + 1 .. tick + count``, shape (count, n), under a constant input ``held``."""
+        compiled = self._plain.get(state.size)
+        if compiled is None:
+            compiled = self._plain[state.size] = _compiled(self.name, self._parts, state.size, _ON)
+        states: FloatArray = compiled(state, tick, count, held, parameters, ticks_per_second, substeps, held, held)
+        return states
+
+    def until(
+        self,
+        stop: Stop,
+        state: FloatArray,
+        tick: int,
+        count: int,
+        held: FloatArray,
+        parameters: FloatArray,
+        ticks_per_second: int,
+        substeps: int,
+    ) -> FloatArray:
+        """As a call, but no further than the first state at which to stop."""
+        criterion, watching, compared = stop
+        key = (state.size, criterion)
+        compiled = self._stopping.get(key)
+        if compiled is None:
+            compiled = self._stopping[key] = _compiled(self.name, self._parts, *key)
+        states: FloatArray = compiled(
+            state, tick, count, held, parameters, ticks_per_second, substeps, watching, compared
+        )
+        # Of its own memory alone: what was not computed is not kept.
+        return states if len(states) == count else states.copy()
+
+
+def propagator(
+    derivative: Callable[..., Any], project: Callable[..., Any], drive: Callable[..., Any] = _time_itself
+) -> Propagator:
+    """Compile the propagation of one kind of plant: see :class:`Propagator`.
 
     Returns
     -------
     callable
-        ``propagate(state, tick, count, held, parameters, ticks_per_second, substeps)`` returning the states at
-        ``tick + 1 .. tick + count``, shape (count, n). ``held`` is the input, constant throughout.
+        ``propagate(state, tick, count, held, parameters, ticks_per_second, substeps)``.
     """
-    digest = source_digest(derivative, project, drive)
+    return Propagator(derivative, project, drive)
 
-    def propagate(state, tick, count, held, parameters, ticks_per_second, substeps):  # type: ignore[no-untyped-def]
+
+def _name(function: Callable[..., Any]) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def _compiled(
+    name: str,
+    parts: tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]],
+    states_size: int,
+    criterion: Criterion,
+) -> Callable[..., Any]:
+    """The kernel for states of a size: known beforehand, the loops over a state are unrolled."""
+    derivative, project, drive = parts
+    form, watched_size, holds, first = criterion
+    digest = source_digest(*parts, form, holds)
+
+    def propagate(  # type: ignore[no-untyped-def]
+        state,
+        tick,
+        count,
+        held,
+        parameters,
+        ticks_per_second,
+        substeps,
+        watching,
+        compared,
+    ):
         digest  # noqa: B018  part of the closure: the key under which the machine code is cached
-        n = state.size
-        states = np.empty((count, n))
-        x = state.copy()
-        y = np.empty(n)
-        k1 = np.empty(n)
-        k2 = np.empty(n)
-        k3 = np.empty(n)
-        k4 = np.empty(n)
+        states = np.empty((count, states_size))
+        watched = scratch(watched_size)
+        x = scratch(states_size)
+        y = scratch(states_size)
+        k1 = scratch(states_size)
+        k2 = scratch(states_size)
+        k3 = scratch(states_size)
+        k4 = scratch(states_size)
+        for a in range(states_size):
+            x[a] = state[a]
         rate = ticks_per_second * substeps
         h = 1.0 / rate
         end = drive(tick * substeps / rate, parameters)
@@ -60,23 +178,26 @@ def propagator(
                 middle = drive((2 * step + 1) / (2 * rate), parameters)
                 end = drive((step + 1) / rate, parameters)
                 derivative(begin, x, held, parameters, k1)
-                for a in range(n):
+                for a in range(states_size):
                     y[a] = x[a] + 0.5 * h * k1[a]
                 derivative(middle, y, held, parameters, k2)
-                for a in range(n):
+                for a in range(states_size):
                     y[a] = x[a] + 0.5 * h * k2[a]
                 derivative(middle, y, held, parameters, k3)
-                for a in range(n):
+                for a in range(states_size):
                     y[a] = x[a] + h * k3[a]
                 derivative(end, y, held, parameters, k4)
-                for a in range(n):
+                for a in range(states_size):
                     x[a] += h / 6.0 * (k1[a] + 2.0 * k2[a] + 2.0 * k3[a] + k4[a])
             project(x)
-            states[i] = x
+            for a in range(states_size):
+                states[i, a] = x[a]
+            form(x, watching[:first], watched)
+            if holds(watched, compared, watching[first:]):
+                return states[: i + 1]
         return states
 
     # The symbols of cached machine code are made of this name and of a count that begins anew in every process. Under
     # one name, the kernels of two plants that two processes have cached would get in each other's way in a third.
-    parts = (derivative, project, drive)
-    propagate.__qualname__ = "propagate." + ".".join(f"{part.__module__}.{part.__qualname__}" for part in parts)
+    propagate.__qualname__ = f"{name}.{states_size}.{_name(form)}.{watched_size}.{_name(holds)}.{first}"
     return kernel(propagate)

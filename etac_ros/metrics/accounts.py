@@ -25,7 +25,7 @@ from etac_ros.media.medium import Full
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
 
 class AcknowledgementAccount(_Model):

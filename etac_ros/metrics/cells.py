@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from etac_ros.graph.faults import FaultKind
 from etac_ros.metrics.accounts import AcknowledgementAccount, HoldAccount, LinkAccount, MediumAccount
@@ -12,14 +12,19 @@ from etac_ros.metrics.verdict import GOOD, Spread, Verdict
 from etac_ros.tables.numbers import band, bracketed, optional, type_words
 
 KINDS = ("network", "internal", "emulation")
-PERFORMANCE = ("error [deg]", "largest* [deg]", "rate [deg/s]", "largest* [deg/s]", "energy [N²m²s]")
-PERFORMANCE_SHORT = ("error [deg]", "largest*", "rate [deg/s]", "largest*", "energy [N²m²s]")
-"""The same where the columns stand beside each other."""
+PERFORMANCE = ("error [deg]", "largest* [deg]", "rate [deg/s]", "largest* [deg/s]")
+PERFORMANCE_SHORT = ("error [deg]", "largest*", "rate [deg/s]", "largest*")
+"""The same where the columns stand beside each other. Behind both comes :func:`energy_heading`."""
 WATCHED = ("largest", "at [s]", "axis", "largest*", "at the end", "notice", "limit")
 
 
+def energy_heading(runs: Iterable[Performance]) -> str:
+    """What the integral of the square of what inputs hold is called, of these plants together."""
+    return "energy [N²m²s]" if all(one.of_torque for one in runs) else "input², integrated"
+
+
 def performance_cells(figures: Performance) -> tuple[str, ...]:
-    """In the order of ``PERFORMANCE``; empty where a plant has no attitude."""
+    """In the order of ``PERFORMANCE``, then the energy; empty where a plant has no attitude."""
     angles = (
         figures.attitude_error_deg, figures.max_attitude_error_deg, figures.rate_deg_s, figures.max_rate_deg_s,
     )  # fmt: skip

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from etac_ros.graph import replay
 from etac_ros.graph.graph import Graph, LinkKind
@@ -55,11 +56,7 @@ def dynamics(graph: Graph, plant: str) -> Plant:
 
 def last_tick(graph: Graph, recording: Recording) -> int:
     """The last tick that every plant has committed."""
-    ends = []
-    for plant in graph.plants:
-        first, states = recording.samples(plant)
-        ends.append(first + states.shape[0] - 1)
-    return int(min(ends))
+    return min(sum(recording.span(plant)) - 1 for plant in graph.plants)
 
 
 def bodies(graph: Graph) -> dict[str, tuple[str, Body]]:
@@ -97,16 +94,14 @@ def rate(graph: Graph, recording: Recording, row: str) -> Curve:
 
 def modes(graph: Graph, recording: Recording, plant: str) -> Curve:
     """Modal coordinates of a plant, in the units of its labels; no column where it has none."""
-    first, states = recording.samples(plant)
-    ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
+    ticks, states = recording.kept(plant)
     where = modes_slice_of(dynamics(graph, plant))
     return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), states[:, where])
 
 
 def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Curve]:
     """What each input port of a plant held, as a staircase from the first committed tick to the last."""
-    first, states = recording.samples(plant)
-    last = first + states.shape[0] - 1
+    last = sum(recording.span(plant)) - 1
     curves = {}
     for port, held in replay.held_inputs(graph, recording, plant).items():
         until = np.searchsorted(held.ticks, last, side="right")
@@ -118,8 +113,7 @@ def held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, Cur
 
 def energy(graph: Graph, recording: Recording, plant: str) -> Curve:
     """Integral of the squared held inputs of a plant [N^2 m^2 s] up to each of their steps; straight lines between."""
-    first, states = recording.samples(plant)
-    last = first + states.shape[0] - 1
+    last = sum(recording.span(plant)) - 1
     held = list(replay.held_inputs(graph, recording, plant).values())
     ticks = np.unique(np.concatenate([*(np.minimum(stairs.ticks, last) for stairs in held), [last]]))
     total = replay.energy_until(held, ticks, graph.ticks_per_second)
@@ -210,6 +204,15 @@ def _of_states(
     graph: Graph, recording: Recording, plant: str, values: Callable[[Plant, FloatArray], FloatArray]
 ) -> Curve:
     body = dynamics(graph, plant)
-    first, states = recording.samples(plant)
-    ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
-    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_of(body, states, first)))
+    ticks, states = recording.kept(plant)
+    return Curve(np.asarray(seconds(ticks, graph.ticks_per_second)), values(body, errors_at(body, ticks, states)))
+
+
+def errors_at(plant: Plant, ticks: npt.NDArray[np.int64], states: FloatArray) -> FloatArray:
+    """States less reference at ascending ticks: one that moves is asked tick by tick where some are left out."""
+    if ticks.size == 0 or ticks[-1] - ticks[0] == ticks.size - 1:
+        return errors_of(plant, states, int(ticks[0]) if ticks.size else 0)
+    if not hasattr(plant, "errors"):
+        return errors_of(plant, states, 0)
+    pairs = zip(ticks.tolist(), states, strict=True)
+    return np.concatenate([errors_of(plant, state[np.newaxis], tick) for tick, state in pairs])

@@ -111,11 +111,13 @@ def decisions(graph: Graph, recording: Recording, name: str) -> Decisions | None
     -------
     Decisions or None
         None where nothing can be recomputed: the module has no trigger rule, it was not asked at every tick, it
-        has sent nothing, or it was restarted, so that another one went on without its memory.
+        has sent nothing, it was restarted, so that another one went on without its memory, or not all samples that it
+        saw are there.
     """
     module = graph.modules[name]
     restarted = any(fault.kind is FaultKind.RESTART for fault in graph.faults_of(name))
-    if not isinstance(module, Triggering) or restarted:
+    blind = not recording.is_whole and name in graph.reads
+    if not isinstance(module, Triggering) or restarted or blind:
         return None
     window = _samples(graph, recording, name)
     # Nobody acts at the end tick any more, so the last sample of a complete run is not asked about.

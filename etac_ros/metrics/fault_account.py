@@ -25,7 +25,7 @@ BEFORE = 0.1
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
 
 class Excursion(_Model):
@@ -65,7 +65,7 @@ class FaultAccount(_Model):
 
 def fault_accounts(graph: Graph, recording: Recording) -> dict[str, FaultAccount]:
     """The account of each fault, in the order in which they began; none of those that a halted run did not reach."""
-    ended = min(first + len(rows) for first, rows in (recording.samples(name) for name in graph.plants))
+    ended = min(sum(recording.span(name)) for name in graph.plants)
     begun = [fault for fault in graph.faults if fault.from_tick < ended]
     found = {}
     for place, fault in enumerate(begun):

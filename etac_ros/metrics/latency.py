@@ -24,7 +24,7 @@ _MS = 1e-6
 class Distribution(BaseModel):
     """How a quantity is spread."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
     count: int
     least: float
@@ -36,7 +36,7 @@ class Distribution(BaseModel):
 class LoopLatency(BaseModel):
     """From the instant of a triggering sample to the torque that came of it, at one plant's link."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
     ms: Distribution = Field(description="until the torque arrived at the plant [ms]")
     ticks: Distribution = Field(description="until the first tick at which the plant felt it")
@@ -45,7 +45,7 @@ class LoopLatency(BaseModel):
 class Punctuality(BaseModel):
     """How punctual one node was."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
     wakes: Distribution | None = Field(description="how late it woke for its own acts [ms]; null if it had none")
     missed_ticks: int = Field(description="ticks that it slept through when it had to act")
@@ -61,7 +61,7 @@ class Punctuality(BaseModel):
 class ForeignCounts(BaseModel):
     """What went to a foreign node, and what came from it."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
     asked: int = Field(description="messages that were sent to it")
     came: int = Field(description="messages that it sent while the run lasted")
@@ -76,7 +76,7 @@ class ForeignCounts(BaseModel):
 class RealTimeAccount(BaseModel):
     """What a run in real time tells of time."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
     rate: float = Field(description="simulated seconds a second")
     tick_ms: float = Field(description="what a tick lasted [ms]")

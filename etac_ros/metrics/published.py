@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph
-from etac_ros.graph.module import Window
+from etac_ros.graph.module import Module, Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import energy, held_inputs, last_sent, sent_at_triggers, trigger_ticks
@@ -36,7 +37,18 @@ HOLD_ERROR = "hold error"
 
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
 _BEARS_NOT = frozenset(
-    {"published", "title", "baseline", "compare", "windows", "state_rate_hz", "dispersion", "tradeoff"}
+    {
+        "published",
+        "title",
+        "baseline",
+        "compare",
+        "windows",
+        "state_rate_hz",
+        "truth_every",
+        "bag_compression",
+        "dispersion",
+        "tradeoff",
+    }
 )
 """Keys of a scenario that change nothing of what is run."""
 
@@ -100,9 +112,11 @@ def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[
     plant = module if module in graph.plants else graph.reads.get(module)
     if plant is None:
         return 0, ()
-    first, states = recording.samples(plant)
-    if not states.shape[0]:
+    first, count = recording.span(plant)
+    # What stands in for a class of a recorded run has watches of its own, which its class does not.
+    if not count or getattr(type(graph.modules[module]), "watches", None) is Module.watches:
         return first, ()
+    _, states = recording.samples(plant)
     return first, graph.modules[module].watches(Window(plant, 1, first, np.ascontiguousarray(states)))
 
 
@@ -279,9 +293,16 @@ def measure(wanted: Measure, graph: Graph, recording: Recording) -> float | None
     if wanted.statistic is Statistic.ENERGY:
         return energy(graph, recording, node, from_tick, until_tick)
     assert wanted.quantity is not None
-    first, values = quantity(graph, recording, node, wanted.quantity)
-    part = values[max(from_tick - first, 0) : until_tick - first + 1]
-    return _of_values(wanted, part, max(from_tick, first), rate) if part.shape[0] else None
+    plant = node if node in graph.plants else graph.reads.get(node)
+    # Tick by tick, unless a law with memory watches it.
+    apart = plant is not None and (node in graph.plants or wanted.quantity in (SIGNAL, HOLD_ERROR))
+    pieces = []
+    for part in recording.parts(plant) if apart and plant is not None else (recording,):
+        first, values = quantity(graph, part, node, wanted.quantity)
+        values = values[max(from_tick - first, 0) : max(until_tick - first + 1, 0)]
+        if values.shape[0]:
+            pieces.append(_piece(wanted, values, max(from_tick, first)))
+    return _of_pieces(wanted, pieces, rate) if pieces else None
 
 
 def _of_instants(statistic: Statistic, ticks: npt.NDArray[np.int64], rate: int) -> float | None:
@@ -299,23 +320,66 @@ def _of_instants(statistic: Statistic, ticks: npt.NDArray[np.int64], rate: int) 
             return float(gaps.mean())
 
 
-def _of_values(wanted: Measure, values: FloatArray, first_tick: int, rate: int) -> float | None:
+class _Piece(NamedTuple):
+    """What a part of a run says of a quantity.
+
+    Attributes
+    ----------
+    first, ticks
+        Its first tick, and how many there are.
+    value
+        The statistic of this part.
+    mean
+        Mean of the norms, where a mean or a deviation is wanted.
+    """
+
+    first: int
+    ticks: int
+    value: float
+    mean: float = 0.0
+
+
+_NEVER = -1.0
+
+
+def _piece(wanted: Measure, values: FloatArray, first: int) -> _Piece:
+    count = values.shape[0]
+    match wanted.statistic:
+        case Statistic.LARGEST_COMPONENT:
+            return _Piece(first, count, float(np.abs(values).max()))
+        case Statistic.SETTLING_TIME:
+            assert wanted.bound is not None
+            outside = np.flatnonzero(np.abs(values).max(axis=1) > wanted.bound)
+            return _Piece(first, count, float(first + outside[-1]) if outside.size else _NEVER)
     norms = np.linalg.norm(values, axis=1)
     match wanted.statistic:
         case Statistic.LARGEST:
-            return float(norms.max())
-        case Statistic.LARGEST_COMPONENT:
-            return float(np.abs(values).max())
+            return _Piece(first, count, float(norms.max()))
         case Statistic.MEAN:
-            return float(norms.mean())
+            return _Piece(first, count, float(norms.mean()), float(norms.mean()))
         case Statistic.DEVIATION:
-            return float(norms.std())
-        case Statistic.FINAL:
-            return float(norms[-1])
+            return _Piece(first, count, float(norms.std()), float(norms.mean()))
         case _:
-            assert wanted.bound is not None
-            outside = np.flatnonzero(np.abs(values).max(axis=1) > wanted.bound)
-            if not outside.size:
-                return float(first_tick / rate)
-            settled = int(outside[-1]) + 1
-            return None if settled == values.shape[0] else float((first_tick + settled) / rate)
+            return _Piece(first, count, float(norms[-1]))
+
+
+def _of_pieces(wanted: Measure, pieces: Sequence[_Piece], rate: int) -> float | None:
+    last = pieces[-1]
+    match wanted.statistic:
+        case Statistic.SETTLING_TIME:
+            outside = max(piece.value for piece in pieces)
+            if outside == _NEVER:
+                return float(pieces[0].first / rate)
+            settled = int(outside) + 1
+            return None if settled == last.first + last.ticks else float(settled / rate)
+        case Statistic.LARGEST | Statistic.LARGEST_COMPONENT:
+            return float(np.max([piece.value for piece in pieces]))
+        case Statistic.MEAN | Statistic.DEVIATION if len(pieces) > 1:
+            counts = [piece.ticks for piece in pieces]
+            mean = float(np.average([piece.mean for piece in pieces], weights=counts))
+            if wanted.statistic is Statistic.MEAN:
+                return mean
+            squares = [piece.value**2 + (piece.mean - mean) ** 2 for piece in pieces]
+            return float(np.sqrt(np.average(squares, weights=counts)))
+        case _:
+            return last.value

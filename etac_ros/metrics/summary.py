@@ -6,6 +6,7 @@ The models below are the machine-readable summary that ``--json`` writes; ``summ
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -34,6 +35,7 @@ from etac_ros.metrics.published import measure, published_figures, stands_beside
 from etac_ros.metrics.stored import StoredSweep, declared, differs, stored_sweep
 from etac_ros.metrics.verdict import Judgement, Paper, Spread, judge
 from etac_ros.plants.plant import errors_of, has_attitude
+from etac_ros.plants.watch import Watch
 from etac_ros.scenario.load import Scenario
 from etac_ros.scenario.schema import FigureKind, PublishedFigure
 
@@ -43,7 +45,7 @@ _LAST_PART = 0.4
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(defer_build=True, extra="forbid")
 
 
 class Triggers(_Model):
@@ -91,6 +93,11 @@ class Performance(_Model):
     max_attitude_error_deg: float | None = Field(description="over the steady part of the run; likewise")
     max_rate_deg_s: float | None = Field(description="over the steady part of the run; likewise")
     energy_n2m2s: float = Field(description="integral of the held torque's square [N^2 m^2 s]")
+    of_torque: bool = Field(
+        default=True,
+        description="whether the plant's inputs are torques; if not, the energy is the integral of their square all "
+        "the same, in the units of the inputs",
+    )
 
 
 class Watched(_Model):
@@ -130,6 +137,17 @@ class MeasuredValue(_Figure):
     """A figure of the run."""
 
     label: str = Field(default="", description="what the scenario calls it, where its name does not say it")
+
+
+class SampleFigures(_Model):
+    """All of a summary that follows from committed samples: what a bag keeps that does not keep these."""
+
+    final_state: dict[str, list[float]]
+    performance: dict[str, Performance]
+    watches: dict[str, list[Watched]]
+    samples: dict[str, int]
+    faults: dict[str, FaultAccount]
+    own: list[MeasuredValue]
 
 
 class PublishedValue(_Figure):
@@ -238,6 +256,7 @@ def summarise(
     halted: str = "",
     bag: str | None = None,
     stepped_s: float = 0.0,
+    of_samples: SampleFigures | None = None,
 ) -> Summary:
     """The summary of a recorded run.
 
@@ -255,6 +274,8 @@ def summarise(
         CDR bytes of each link's topic as raw subscriptions measured them; without it they are computed.
     stepped_s
         How far the wall clock was set during a run in real time [s].
+    of_samples
+        What follows from committed samples, where the recording does not have all of them.
     """
     topics = _link_topics(graph, recording, measured_cdr)
     for name, (kind, messages, size) in (plane or {}).items():
@@ -266,6 +287,7 @@ def summarise(
     published, reason = published_figures(scenario, graph), stands_beside_paper(scenario) or ""
     from_s = steady_from_s(scenario)
     steady = round(from_s * graph.ticks_per_second)
+    figures = of_samples or sample_figures(scenario, graph, recording)
     summary = Summary(
         scenario=scenario.name,
         variant=scenario.variant,
@@ -280,15 +302,15 @@ def summarise(
         links=link_accounts(graph, recording),
         media=medium_accounts(graph, recording),
         holds=hold_accounts(graph, recording),
-        faults=fault_accounts(graph, recording),
+        faults=figures.faults,
         network=_totals(topics, "network"),
         internal=_totals(topics, "internal"),
         emulation=_totals(topics, "emulation"),
         wire=wire,
-        final_state={name: recording.samples(name)[1][-1].tolist() for name in graph.plants},
-        performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
-        watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
-        samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
+        final_state=figures.final_state,
+        performance=figures.performance,
+        watches=figures.watches,
+        samples=figures.samples,
         timing=timing,
         memory_kib=dict(memory_kib or {}),
         strangers=dict(strangers or {}),
@@ -296,10 +318,34 @@ def summarise(
         bag=bag,
         published=[] if reason else list(published_values(scenario, graph).values()),
         published_not=reason if published else "",
-        own=_own_figures(published, graph, recording),
+        own=figures.own,
         measured=[],
     )
     return with_measured(summary, None)
+
+
+def sample_figures(scenario: Scenario, graph: Graph, recording: Recording) -> SampleFigures:
+    """What follows from the committed samples of a run, which have to be all there.
+
+    Raises
+    ------
+    BagError
+        If they are not.
+    """
+    steady = round(steady_from_s(scenario) * graph.ticks_per_second)
+    return SampleFigures(
+        final_state={name: recording.final(name).tolist() for name in graph.plants},
+        performance={name: _performance(graph, recording, name, steady) for name in graph.plants},
+        watches={name: found for name in graph.modules if (found := _watches(graph, recording, name, steady))},
+        samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
+        faults=fault_accounts(graph, recording),
+        own=_own_figures(published_figures(scenario, graph), graph, recording),
+    )
+
+
+def figures_of_samples(summary: Summary) -> SampleFigures:
+    """Those of a summary."""
+    return SampleFigures(**{name: getattr(summary, name) for name in SampleFigures.model_fields})
 
 
 def published_values(scenario: Scenario, graph: Graph) -> dict[FigureKey, PublishedValue]:
@@ -448,8 +494,8 @@ def _own_figures(
 
 def _samples(graph: Graph, recording: Recording, module: str) -> int:
     """Samples that a module sensed until its last chance to act, which nobody has at the end tick."""
-    first, states = recording.samples(graph.reads[module])
-    return min(first + int(states.shape[0]), graph.end_tick) - first
+    first, count = recording.span(graph.reads[module])
+    return min(first + count, graph.end_tick) - first
 
 
 def _triggers(graph: Graph, recording: Recording, steady: int) -> dict[str, Triggers]:
@@ -511,44 +557,71 @@ def _totals(topics: Mapping[str, Topic], kind: Kind) -> Totals:
 def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> Performance:
     module = graph.modules[name]
     assert isinstance(module, PlantModule)
-    first, states = recording.samples(name)
-    late = min(max(steady - first, 0), states.shape[0] - 1)  # a run that was halted may have no steady part
-    used = energy(graph, recording, name, first, first + states.shape[0] - 1)
+    first, count = recording.span(name)
+    late = first + min(max(steady - first, 0), count - 1)  # a run that was halted may have no steady part
+    used = energy(graph, recording, name, first, first + count - 1)
+    of_torque = all("torque" in port for port in module.inputs)
     if not has_attitude(module.plant):
         return Performance(
             attitude_error_deg=None, rate_deg_s=None, max_attitude_error_deg=None, max_rate_deg_s=None,
-            energy_n2m2s=used,
+            energy_n2m2s=used, of_torque=of_torque,
         )  # fmt: skip
-    errors = errors_of(module.plant, states[late:], first + late)
-    angles = np.degrees(module.plant.attitude_angle(errors))
-    rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
+    largest_angle = largest_rate = -math.inf
+    for part in recording.parts(name):
+        begin, states = part.samples(name)
+        skipped = max(late - begin, 0)
+        if skipped >= states.shape[0]:
+            continue
+        errors = errors_of(module.plant, states[skipped:], begin + skipped)
+        angles = np.degrees(module.plant.attitude_angle(errors))
+        rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
+        largest_angle = float(np.maximum(largest_angle, angles.max()))  # which keeps what is no number
+        largest_rate = float(np.maximum(largest_rate, rates.max()))
     return Performance(
         attitude_error_deg=float(angles[-1]),
         rate_deg_s=float(rates[-1]),
-        max_attitude_error_deg=float(angles.max()),
-        max_rate_deg_s=float(rates.max()),
+        max_attitude_error_deg=largest_angle,
+        max_rate_deg_s=largest_rate,
         energy_n2m2s=used,
+        of_torque=of_torque,
     )
 
 
 def _watches(graph: Graph, recording: Recording, name: str, steady: int) -> list[Watched]:
-    first, watches = watches_of_module(graph, recording, name)
-    found = []
-    for watch in watches:
-        magnitudes = np.abs(watch.values)
-        row, column = np.unravel_index(int(np.argmax(magnitudes)), magnitudes.shape)
-        late = min(max(steady - first, 0), magnitudes.shape[0] - 1)
-        found.append(
-            Watched(
-                name=watch.name,
-                unit=watch.unit,
-                largest=float(magnitudes[row, column]),
-                axis=watch.axes[column],
-                at_s=float(seconds(first + int(row), graph.ticks_per_second)),
-                steady=float(magnitudes[late:].max()),
-                final=float(magnitudes[-1].max()),
-                notice=watch.notice,
-                bound=watch.bound,
-            )
-        )
+    plant = name if name in graph.plants else graph.reads.get(name)
+    if plant is None:
+        return []
+    first, count = recording.span(plant)
+    late = first + min(max(steady - first, 0), count - 1)
+    found: list[Watched] = []
+    # What a plant watches follows from each sample by itself; what a law with memory watches from all before, too.
+    for part in recording.parts(plant) if name in graph.plants else (recording,):
+        begin, watches = watches_of_module(graph, part, name)
+        these = [_watched(watch, begin, late, graph.ticks_per_second) for watch in watches]
+        found = [_going_on(before, one) for before, one in zip(found, these, strict=True)] if found else these
     return found
+
+
+def _watched(watch: Watch, first: int, late: int, rate: int) -> Watched:
+    magnitudes = np.abs(watch.values)
+    row, column = np.unravel_index(int(np.argmax(magnitudes)), magnitudes.shape)
+    steady = magnitudes[max(late - first, 0) :]
+    return Watched(
+        name=watch.name,
+        unit=watch.unit,
+        largest=float(magnitudes[row, column]),
+        axis=watch.axes[column],
+        at_s=float(seconds(first + int(row), rate)),
+        steady=float(steady.max()) if steady.size else 0.0,
+        final=float(magnitudes[-1].max()),
+        notice=watch.notice,
+        bound=watch.bound,
+    )
+
+
+def _going_on(before: Watched, later: Watched) -> Watched:
+    """The same quantity over a part of the run and the next; what is no number once is none."""
+    larger = not (later.largest <= before.largest) and not math.isnan(before.largest)
+    top = later if larger else before
+    steady = float(np.maximum(before.steady, later.steady))
+    return later.model_copy(update={"largest": top.largest, "axis": top.axis, "at_s": top.at_s, "steady": steady})

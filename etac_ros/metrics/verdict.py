@@ -47,7 +47,7 @@ GOOD = frozenset({Verdict.REPRODUCED, Verdict.KEPT, Verdict.FITTED, Verdict.CONS
 class Spread(BaseModel):
     """A figure over runs with dispersed starts."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True)
 
     mean: float
     sd: float = Field(description="standard deviation of the sample")

@@ -54,6 +54,11 @@ class Hold:
         """Whether the rule is told of every sample."""
         return self._memory is not None
 
+    @property
+    def compared(self) -> FloatArray | None:
+        """What the rule compares with, while it is asked about every sample; None while it is not, or goes by more."""
+        return self.sent if self._memory is None and self._under_way is None else None
+
     def first(self, rows: FloatArray, tick: int) -> int | None:
         """First tick at which the rule holds, of the ticks of some rows; None if at none. Looking changes nothing.
 

@@ -14,6 +14,7 @@ from etac_ros.graph.module import Context, Module, Outputs, Window
 from etac_ros.graph.promises import Component, check_state_size, first_broken, shown
 from etac_ros.graph.role import Role
 from etac_ros.laws.law import LawOfEvents, LawWithMemory
+from etac_ros.maths.finite import all_finite
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
@@ -131,7 +132,7 @@ class SensingController(Module):
         if committed.left:
             self.halt = committed.left
             return {}
-        if not np.isfinite(committed.command).all() and np.isfinite(sample).all():
+        if not all_finite(committed.command) and all_finite(sample):
             found = f"gives {committed.command.tolist()} at tick {tick} for a state of finite numbers"
             raise self._component.broken("fold", found, "finite numbers")
         sent = self._send(self.hold, committed.command, tick)

@@ -11,15 +11,17 @@ from pydantic import Field
 from etac_ros.graph.module import Context, Module, Outputs, Window
 from etac_ros.graph.promises import Component, check_state_size, first_broken
 from etac_ros.graph.role import Role
-from etac_ros.laws.law import Signal
+from etac_ros.laws.law import Signal, is_formed
 from etac_ros.maths.compiled import kernel
+from etac_ros.maths.finite import all_finite
 from etac_ros.maths.noise import normals, stream_key
+from etac_ros.maths.rk4 import Criterion, Stop
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import NOTHING, Heard
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.plant import noise_width_of
 from etac_ros.triggers.periodic import Periodic
-from etac_ros.triggers.rule import AnyRule
+from etac_ros.triggers.rule import AnyRule, is_held
 
 
 class NoiseEnters(StrEnum):
@@ -107,6 +109,13 @@ class Sensor(Module):
         check_state_size(signal, context.plant)
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
+        self._criterion: Criterion | None = None
+        plain = self._noise.enters is NoiseEnters.NOWHERE and self._gain == 1.0
+        if plain and is_formed(signal) and is_held(trigger):
+            before, behind = signal.form_parameters, trigger.holds_parameters
+            self._numbers = np.concatenate([before, behind])
+            self._criterion = Criterion(signal.form, signal.size, trigger.holds, before.size)
+            self.stops = True
         self._memory: tuple[int, FloatArray, FloatArray] | None = None
         self._seen: tuple[Any, FloatArray, FloatArray] | None = None
 
@@ -119,18 +128,28 @@ class Sensor(Module):
         watched, sent = self._signals(window)
         rows = watched[offset:]
         due = self.hold.first(rows, after + 1)
+        if sent is watched and all_finite(rows):
+            return due
         # What is no number is named at its tick, if that comes to be: no sample of a window is certain.
         given = window.samples[offset:]
         broken = [first for values in (rows, sent[offset:]) if (first := first_broken(values, given)) is not None]
         ticks = [after + 1 + row for row in broken] + ([] if due is None else [due])
         return min(ticks, default=None)
 
+    def stop(self) -> Stop | None:
+        """Where the trigger rule holds, of a signal and a rule that can be compiled into the plant's formula."""
+        compared = self.hold.compared
+        if self._criterion is None or compared is None:
+            return None
+        return Stop(self._criterion, self._numbers, compared)
+
     def advance(self, tick: int, window: Window) -> None:
         """Keep what was watched and what would be sent at ``tick``, and the memories of filter and rule."""
         watched, sent = self._signals(window)
         index = tick - window.start
-        last = window.start - 1 if self._memory is None else max(self._memory[0], window.start - 1)
-        self.hold.advance(watched[last + 1 - window.start : index + 1], last + 1)
+        if self.hold.has_memory:
+            last = window.start - 1 if self._memory is None else max(self._memory[0], window.start - 1)
+            self.hold.advance(watched[last + 1 - window.start : index + 1], last + 1)
         self._memory = tick, watched[index].copy(), sent[index].copy()
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
@@ -140,7 +159,7 @@ class Sensor(Module):
         last, watched, sent = self._memory
         assert last == tick
         for method, values in (("evaluate", watched), ("sent", sent)):
-            if not np.isfinite(values).all() and np.isfinite(sample).all():
+            if not all_finite(values) and all_finite(sample):
                 found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
                 raise self._component.broken(method, found, "finite numbers")
         return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}
@@ -178,8 +197,9 @@ class Sensor(Module):
 
     def _formed(self, method: str, size: int, states: FloatArray, tick: int) -> FloatArray:
         count = states.shape[0]
-        told = (np.arange(tick, tick + count, dtype=np.int64),) if self._component.takes(method, "ticks") else ()
-        return self._component.rows(count, size, method, states, *told)
+        if not self._component.takes(method, "ticks"):
+            return self._component.rows(count, size, method, states)
+        return self._component.rows(count, size, method, states, np.arange(tick, tick + count, dtype=np.int64))
 
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
         """What the trigger watches and what would be sent, for each sample of a window that is not committed."""

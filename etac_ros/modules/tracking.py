@@ -15,6 +15,7 @@ from etac_ros.graph.module import Arrivals, Context, Module, Outputs, Window
 from etac_ros.graph.promises import Component, check_state_size
 from etac_ros.graph.role import Acts, Role
 from etac_ros.laws.law import RelativeSignal, TickArray, WatchedLaw
+from etac_ros.maths.finite import all_finite
 from etac_ros.modules.hold import Hold
 from etac_ros.modules.triggering import Heard
 from etac_ros.parameters import FloatArray, Parameters
@@ -201,6 +202,6 @@ def _watched(law: Component, measured: FloatArray, ticks: TickArray) -> FloatArr
     found = law.call("watched", measured, ticks)
     width = found.shape[1] if isinstance(found, np.ndarray) and found.ndim == 2 else -1
     watched = law.array((1, width), "watched", found)
-    if not np.isfinite(watched).all() and np.isfinite(measured).all():
+    if not all_finite(watched) and all_finite(measured):
         raise law.broken("watched", f"gives {watched[0].tolist()} for finite arguments", "finite numbers")
     return watched

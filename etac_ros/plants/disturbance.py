@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from etac_ros.maths.compiled import inlined
+from etac_ros.maths.scratch import scratch
 from etac_ros.parameters import FloatArray, Parameters, Vector3, vector
 
 
@@ -14,6 +15,14 @@ def sinusoid(p, t, out):  # type: ignore[no-untyped-def]
     for i in range(3):
         angle = p[6 + i] + p[9 + i] * t
         out[i] = p[i] * math.sin(angle) + p[3 + i] * math.cos(angle)
+
+
+@inlined
+def sinusoidal_torque(p, t):  # type: ignore[no-untyped-def]
+    """What :func:`sinusoid` gives, as three numbers."""
+    torque = scratch(3)
+    sinusoid(p, t, torque)
+    return torque[0], torque[1], torque[2]
 
 
 class SinusoidalTorque(Parameters):

@@ -53,7 +53,8 @@ from etac_ros.maths.mrp import (
     mrp_to_quaternion,
     switch_shadow,
 )
-from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.rk4 import Stop, propagator
+from etac_ros.maths.scratch import scratch
 from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import (
@@ -89,11 +90,16 @@ _FREQUENCY = 47  # [rad/s]
 
 
 @inlined
-def _derivative(t, state, torque, p, rate):  # type: ignore[no-untyped-def]
+def _drive(t, p):  # type: ignore[no-untyped-def]
+    return math.sin(p[_FREQUENCY] * t), math.cos(p[_FREQUENCY] * t)
+
+
+@inlined
+def _derivative(drive, state, torque, p, rate):  # type: ignore[no-untyped-def]
     omega = state[3:6]
-    momentum = np.empty(3)
-    reaction = np.empty(3)  # delta' (C eta_dot + K eta): what the modes do to the hub
-    a = np.empty(3)
+    momentum = scratch(3)
+    reaction = scratch(3)  # delta' (C eta_dot + K eta): what the modes do to the hub
+    a = scratch(3)
     multiply(p[_J : _J + 9], omega, momentum)
     for i in range(3):
         reaction[i] = 0.0
@@ -103,8 +109,7 @@ def _derivative(t, state, torque, p, rate):  # type: ignore[no-untyped-def]
             momentum[i] += p[_COUPLING + 3 * m + i] * state[10 + m]
             reaction[i] += p[_COUPLING + 3 * m + i] * force
     cross(omega, momentum, a)
-    sine = math.sin(p[_FREQUENCY] * t)
-    cosine = math.cos(p[_FREQUENCY] * t)
+    sine, cosine = drive
     for i in range(3):
         disturbance = p[_CONSTANT + i] + p[_SINE + i] * sine + p[_COSINE + i] * cosine
         momentum[i] = reaction[i] - a[i] + torque[i] + disturbance
@@ -124,7 +129,7 @@ def _project(state):  # type: ignore[no-untyped-def]
     switch_shadow(state[0:3])
 
 
-_propagate = propagator(_derivative, _project)
+_propagate = propagator(_derivative, _project, _drive)
 
 
 @inlined
@@ -159,7 +164,7 @@ def _overall_disturbance(states, tick, torques, p, nominal, ticks_per_second):  
     gyroscopic = np.empty(3)
     inertial = np.empty(3)
     for k in range(states.shape[0]):
-        _derivative(seconds(tick + k, ticks_per_second), states[k], torques[k], p, rate)
+        _derivative(_drive(seconds(tick + k, ticks_per_second), p), states[k], torques[k], p, rate)
         multiply(nominal, states[k, 3:6], momentum)
         cross(states[k, 3:6], momentum, gyroscopic)
         multiply(nominal, rate[3:6], inertial)
@@ -337,6 +342,12 @@ class Flexible:
             state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
         )
         return result
+
+    def propagate_until(self, stop: Stop, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """As :meth:`propagate`, but no further than the first state at which to stop."""
+        return _propagate.until(
+            stop, state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
+        )
 
     def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
         """States as sensors see them, shape (n, 14).

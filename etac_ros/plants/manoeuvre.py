@@ -20,9 +20,10 @@ from etac_ros.maths.quaternion import (
     to_euler_321,
 )
 from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.scratch import scratch
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import FloatArray, Inertia, Parameters, UnitQuaternion, Vector3, square, vector
-from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
+from etac_ros.plants.disturbance import SinusoidalTorque, sinusoidal_torque
 from etac_ros.plants.start import Rotation, note_on_start, start_attitude
 from etac_ros.plants.watch import Watch
 
@@ -34,16 +35,20 @@ _J, _J_INVERSE, _DISTURBANCE = 0, 9, 18
 
 
 @inlined
-def _derivative(t, state, torque, p, rate):  # type: ignore[no-untyped-def]
+def _drive(t, p):  # type: ignore[no-untyped-def]
+    return sinusoidal_torque(p[_DISTURBANCE : _DISTURBANCE + 12], t)
+
+
+@inlined
+def _derivative(disturbance, state, torque, p, rate):  # type: ignore[no-untyped-def]
     omega_BN_B = state[4:7]
-    momentum = np.empty(3)
-    gyroscopic = np.empty(3)
-    total = np.empty(3)
+    momentum = scratch(3)
+    gyroscopic = scratch(3)
+    total = scratch(3)
     multiply(p[_J : _J + 9], omega_BN_B, momentum)
     cross(omega_BN_B, momentum, gyroscopic)
-    sinusoid(p[_DISTURBANCE : _DISTURBANCE + 12], t, total)
     for i in range(3):
-        total[i] += torque[i] - gyroscopic[i]
+        total[i] = disturbance[i] + (torque[i] - gyroscopic[i])
     quaternion_rate(state[0:4], omega_BN_B, rate[0:4])
     multiply(p[_J_INVERSE : _J_INVERSE + 9], total, rate[4:7])
 
@@ -53,7 +58,7 @@ def _project(state):  # type: ignore[no-untyped-def]
     normalise(state[0:4])
 
 
-_propagate = propagator(_derivative, _project)
+_propagate = propagator(_derivative, _project, _drive)
 
 
 def attitude_error(desired_q: FloatArray, attitude_q: FloatArray) -> FloatArray:

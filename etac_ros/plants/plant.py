@@ -8,6 +8,7 @@ from typing import ClassVar, Protocol, TypeGuard
 
 import numpy as np
 
+from etac_ros.maths.rk4 import Stop
 from etac_ros.parameters import FloatArray, Parameters
 from etac_ros.plants.watch import Watch
 
@@ -52,6 +53,14 @@ def noise_width_of(plant: Plant) -> int:
     """Normal deviates that a plant's sensors take a sample; 0 where they are ideal."""
     found: int = getattr(plant, "noise_width", 0)
     return found
+
+
+class StoppingPlant(Plant, Protocol):
+    """A plant that can be told where computing ahead may end: that spares what would be dropped."""
+
+    def propagate_until(self, stop: Stop, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """As :meth:`Plant.propagate`, but no further than the first state at which to stop: one row at least."""
+        ...
 
 
 class AttitudePlant(Plant, Protocol):

@@ -84,6 +84,7 @@ from etac_ros.maths.quaternion import (
     to_euler_321,
 )
 from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.maths.vector import cross, multiply, multiply_transposed, turn
 from etac_ros.parameters import (
     FloatArray,
@@ -95,7 +96,7 @@ from etac_ros.parameters import (
     square,
     vector,
 )
-from etac_ros.plants.disturbance import SinusoidalTorque, sinusoid
+from etac_ros.plants.disturbance import SinusoidalTorque, sinusoidal_torque
 from etac_ros.plants.plant import Body
 from etac_ros.plants.start import Rotation, note_on_start, start_attitude
 from etac_ros.plants.watch import Watch
@@ -139,23 +140,30 @@ def _rotation_vectors(attitudes):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _derivative(t, state, held, p, rate):  # type: ignore[no-untyped-def]
+def _drive(t, p):  # type: ignore[no-untyped-def]
+    on_pm = sinusoidal_torque(p[_DISTURBANCE_PM : _DISTURBANCE_PM + 12], t)
+    return on_pm, sinusoidal_torque(p[_DISTURBANCE_SM : _DISTURBANCE_SM + 12], t)
+
+
+@inlined
+def _derivative(disturbances, state, held, p, rate):  # type: ignore[no-untyped-def]
+    disturbance_pm, disturbance_sm = disturbances
     omega_po_P = state[4:7]
     omega_sp_S = state[11:14]
-    C = np.empty((3, 3))
-    omega_oi_P = np.empty(3)
-    omega_pi_P = np.empty(3)
-    omega_pi_S = np.empty(3)
-    omega_si_S = np.empty(3)
-    ncla = np.empty(3)
-    momentum = np.empty(3)
-    torque = np.empty(3)
-    omega_pi_P_dot = np.empty(3)
-    omega_pi_S_dot = np.empty(3)  # C_sp omega_pi_P_dot - omega_sp x C_sp omega_pi
-    omega_si_S_dot = np.empty(3)
-    force = np.empty(3)
-    a = np.empty(3)
-    b = np.empty(3)
+    C = scratch_matrix(3, 3)
+    omega_oi_P = scratch(3)
+    omega_pi_P = scratch(3)
+    omega_pi_S = scratch(3)
+    omega_si_S = scratch(3)
+    ncla = scratch(3)
+    momentum = scratch(3)
+    torque = scratch(3)
+    omega_pi_P_dot = scratch(3)
+    omega_pi_S_dot = scratch(3)  # C_sp omega_pi_P_dot - omega_sp x C_sp omega_pi
+    omega_si_S_dot = scratch(3)
+    force = scratch(3)
+    a = scratch(3)
+    b = scratch(3)
 
     # PM, eqs. (1)-(2)
     dcm(state[0:4], C)
@@ -165,9 +173,8 @@ def _derivative(t, state, held, p, rate):  # type: ignore[no-untyped-def]
         ncla[i] = held[i] + p[_NCLA_DISTURBANCE + i]
     multiply(p[_J_PM : _J_PM + 9], omega_pi_P, momentum)
     cross(omega_pi_P, momentum, a)
-    sinusoid(p[_DISTURBANCE_PM : _DISTURBANCE_PM + 12], t, b)
     for i in range(3):
-        torque[i] = ncla[i] + b[i] - a[i]
+        torque[i] = ncla[i] + disturbance_pm[i] - a[i]
     multiply(p[_J_PM_INVERSE : _J_PM_INVERSE + 9], torque, omega_pi_P_dot)
     quaternion_rate(state[0:4], omega_po_P, rate[0:4])
     cross(omega_po_P, omega_oi_P, a)
@@ -198,9 +205,8 @@ def _derivative(t, state, held, p, rate):  # type: ignore[no-untyped-def]
     multiply(p[_COUPLING : _COUPLING + 9], force, b)
     for i in range(3):
         torque[i] += b[i] - p[_GYROSCOPIC_PANELS] * a[i]
-    sinusoid(p[_DISTURBANCE_SM : _DISTURBANCE_SM + 12], t, a)
     for i in range(3):
-        torque[i] += held[3 + i] + a[i]
+        torque[i] += held[3 + i] + disturbance_sm[i]
     multiply(p[_MASS_INVERSE : _MASS_INVERSE + 9], torque, omega_si_S_dot)
     quaternion_rate(state[7:11], omega_sp_S, rate[7:11])
     for i in range(3):
@@ -217,7 +223,7 @@ def _project(state):  # type: ignore[no-untyped-def]
     normalise(state[7:11])
 
 
-_propagate = propagator(_derivative, _project)
+_propagate = propagator(_derivative, _project, _drive)
 
 
 def _positive_definite(values: tuple[float, ...]) -> tuple[float, ...]:

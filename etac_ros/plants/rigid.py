@@ -16,7 +16,7 @@ from etac_ros.maths.quaternion import (
     rotation_angle,
     to_euler_321,
 )
-from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.rk4 import Stop, propagator
 from etac_ros.parameters import (
     FloatArray,
     Inertia,
@@ -149,6 +149,12 @@ class RigidBody:
             state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
         )
         return result
+
+    def propagate_until(self, stop: Stop, state: FloatArray, tick: int, count: int, held: FloatArray) -> FloatArray:
+        """As :meth:`propagate`, but no further than the first state at which to stop."""
+        return _propagate.until(
+            stop, state, tick, count, held, self._packed, self._ticks_per_second, self._parameters.substeps
+        )
 
     def measured(self, states: FloatArray, errors: FloatArray) -> FloatArray:
         """States as seen with attitude errors ``errors[:, :3]`` [rad] and rate errors ``errors[:, 3:]`` [rad/s]."""

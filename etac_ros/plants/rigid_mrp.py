@@ -26,6 +26,7 @@ from etac_ros.maths.mrp import (
     switch_shadow,
 )
 from etac_ros.maths.rk4 import propagator
+from etac_ros.maths.scratch import scratch
 from etac_ros.maths.ticks import seconds
 from etac_ros.maths.vector import cross, multiply
 from etac_ros.parameters import FloatArray, Inertia, Parameters, Vector3, square, vector
@@ -40,8 +41,8 @@ _J, _J_INVERSE = 0, 9
 @inlined
 def _derivative(t, state, torque, p, rate):  # type: ignore[no-untyped-def]
     omega_BN_B = state[3:6]
-    momentum = np.empty(3)
-    total = np.empty(3)
+    momentum = scratch(3)
+    total = scratch(3)
     multiply(p[_J : _J + 9], omega_BN_B, momentum)
     cross(momentum, omega_BN_B, total)
     for i in range(3):

@@ -31,8 +31,8 @@ def check_fit(bag: Path, found: Bag, graph: Graph, recording: Recording) -> None
         rates = f"{found.ticks_per_second} ticks a second, and {graph.ticks_per_second} in its scenario"
         raise BagError(f"{bag}: ticks_per_second", rates, _OF_ONE_RUN)
     for plant in graph.plants:
-        first, states = recording.samples(plant)
-        _check_plant(f"{bag}: {plant}", graph, plant, first, states)
+        if recording.every:
+            _check_plant(f"{bag}: {plant}", graph, plant, recording)
     for link in graph.links.values():
         where = f"{bag}: link {link.name}"
         if link.name not in recording.messages:
@@ -51,25 +51,29 @@ def check_fit(bag: Path, found: Bag, graph: Graph, recording: Recording) -> None
                 raise BagError(where, f"message {message.sequence} {fault}", _OF_ONE_RUN)
 
 
-def _check_plant(where: str, graph: Graph, plant: str, first: int, states: FloatArray) -> None:
-    if states.shape[0] == 0:
+def _check_plant(where: str, graph: Graph, plant: str, recording: Recording) -> None:
+    first, count = recording.span(plant)
+    if count == 0:
         found = "there is not one committed sample of this plant"
         raise BagError(where, found, "a run of at least one tick", "record the run anew")
-    width = graph.modules[plant].state.size  # type: ignore[attr-defined]  # a PlantModule
-    if states.shape[1] != width:
-        raise BagError(where, f"samples of {states.shape[1]} states", f"samples of {width} states")
-    if first != 0 or states.shape[0] > graph.end_tick + 1:
-        last = first + states.shape[0] - 1
+    if first != 0 or count > graph.end_tick + 1:
+        last = first + count - 1
         raise BagError(where, f"samples of ticks {first} to {last}", f"samples from tick 0 to {graph.end_tick}")
-    if not _drawable(states):
-        row = int(np.argmin((np.abs(states) < LARGEST).all(axis=1)))
-        at = seconds(row, graph.ticks_per_second)
-        raise BagError(
-            where,
-            f"from {at:.6g} s (tick {row}) on the state is no number that can be drawn: {states[row].tolist()}",
-            "finite numbers of a usual size",
-            f"report a run that ends before: --set duration_s={at:.6g} or less",
-        )
+    width = graph.modules[plant].state.size  # type: ignore[attr-defined]  # a PlantModule
+    for part in recording.parts(plant):
+        ticks, states = part.kept(plant)
+        if states.shape[1] != width:
+            raise BagError(where, f"samples of {states.shape[1]} states", f"samples of {width} states")
+        if not _drawable(states):
+            row = int(np.argmin((np.abs(states) < LARGEST).all(axis=1)))
+            at = seconds(int(ticks[row]), graph.ticks_per_second)
+            raise BagError(
+                where,
+                f"from {at:.6g} s (tick {ticks[row]}) on the state is no number that can be drawn: "
+                f"{states[row].tolist()}",
+                "finite numbers of a usual size",
+                f"report a run that ends before: --set duration_s={at:.6g} or less",
+            )
 
 
 def _drawable(values: FloatArray) -> bool:

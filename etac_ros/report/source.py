@@ -21,10 +21,12 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.curves import Curve, energy, held_inputs, last_tick
+from etac_ros.metrics.kept import kept_in_bag
 from etac_ros.metrics.published import check_measure, watches_of_module
 from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.watch import Watch
+from etac_ros.report.peaks import is_long, with_peaks
 from etac_ros.report.plausible import check_fit
 from etac_ros.runs import SCENARIO_ATTACHMENT
 from etac_ros.scenario.classes import ForeignClassError
@@ -79,6 +81,8 @@ class ReportedRun:
     @cached_property
     def watches(self) -> dict[str, tuple[int, tuple[Watch, ...]]]:
         """First tick and watched quantities of each node that watches something."""
+        if not self.recording.is_whole:
+            return {}  # of some, what is watched follows from all samples
         found = {name: watches_of_module(self.graph, self.recording, name) for name in self.graph.modules}
         return {name: (first, watches) for name, (first, watches) in found.items() if watches}
 
@@ -108,7 +112,7 @@ class ReportedRun:
         return self.metadata.get(RECOVERED, "")
 
 
-def read_run(bag: Path, trust: bool = False) -> ReportedRun:
+def read_run(bag: Path, trust: bool = False, shown: bool = False) -> ReportedRun:
     """Read all that a report needs from a bag.
 
     Parameters
@@ -117,6 +121,8 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         Directory of the bag.
     trust
         Whether to import classes that are not of etac_ros, if the scenario in the bag names any.
+    shown
+        Whether the samples are only to be shown: of a very long run then those alone that make up its curves are kept.
 
     Raises
     ------
@@ -134,7 +140,13 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
             "record the run anew with etac run, or with the node /recorder",
         )
     recording, derived = found.recording_and_derived()
-    left_out = ""
+    left_out, kept, foreign_left_out = "", None, False
+    if recording.every != 1:
+        kept = kept_in_bag(bag)
+        left_out = (
+            f"this bag keeps {_kept_part(recording.every)} (--truth), and all messages. Figures of the whole run were "
+            "taken of all samples while it ran; what trigger rules compared and what is watched is left out."
+        )
     try:
         with nullcontext() if trust else own_classes_only():
             scenario = _scenario(bag, found, load)
@@ -143,8 +155,9 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         scenario = _scenario(bag, found, read_resolved)
         graph, description = _without_classes(bag, found, recording, derived, foreign)
         kinds = {plant: description.nodes[plant].cls for plant in graph.plants}
+        foreign_left_out = True
         names = ", ".join(foreign_classes(scenario.classes))
-        left_out = (
+        left_out += (" " if left_out else "") + (
             f"this bag names classes that are not of etac_ros ({names}), which were not imported. What trigger rules "
             "compared is left out; etac report --trust shows it, and runs their code."
         )
@@ -166,11 +179,23 @@ def read_run(bag: Path, trust: bool = False) -> ReportedRun:
         },
         measured_cdr={topic.name: count.cdr_bytes for topic, count in found.topics.items()},
         wire=read_from_bag(bag),
+        of_samples=kept,
     )
+    if shown and not foreign_left_out and is_long(graph, recording):
+        recording = with_peaks(graph, recording)
+        left_out += (" " if left_out else "") + (
+            "This run is very long: curves show the largest and the smallest value of each of many spans, which are "
+            "short at first. Figures are those of all samples; what trigger rules compared and what is watched is left "
+            "out."
+        )
     return ReportedRun(scenario, graph, recording, summary, found.metadata, kinds, left_out)
 
 
-def read_other(bag: Path, run: ReportedRun, trust: bool = False) -> ReportedRun:
+def _kept_part(every: int) -> str:
+    return f"the committed samples of every {every}th tick, and the last" if every else "no committed samples"
+
+
+def read_other(bag: Path, run: ReportedRun, trust: bool = False, shown: bool = False) -> ReportedRun:
     """Read the bag of a run that is laid over another.
 
     Raises
@@ -179,7 +204,7 @@ def read_other(bag: Path, run: ReportedRun, trust: bool = False) -> ReportedRun:
         As :func:`read_run`, and if the two are not of the same kinds of plants: their curves would have nothing in
         common. Other parameters of the plants do no harm; the page says which differ.
     """
-    other = read_run(bag, trust)
+    other = read_run(bag, trust, shown)
     if other.kinds_of_plants != run.kinds_of_plants:
         raise BagError(
             f"{bag}",

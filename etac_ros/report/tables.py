@@ -16,6 +16,7 @@ from etac_ros.metrics.cells import (
     PERFORMANCE,
     WATCHED,
     acknowledgement_account_cells,
+    energy_heading,
     fault_account_cells,
     fault_notes,
     hold_account_cells,
@@ -238,8 +239,11 @@ def performance_table(view: View) -> Table:
     found: list[_Cells] = [
         {name: performance_cells(figures) for name, figures in run.summary.performance.items()} for run in view.runs
     ]
-    note = f"{_steady_note(view)} Error and rate: at the end. Energy: integral of the square of the held torque."
-    return _of_runs("Pointing", "plant", PERFORMANCE, view, found, (note,)).without_empty_columns()
+    energy = energy_heading(one for run in view.runs for one in run.summary.performance.values())
+    note = f"{_steady_note(view)} Error and rate: at the end."
+    if "energy" in energy:
+        note += " Energy: integral of the square of the held torque."
+    return _of_runs("Pointing", "plant", (*PERFORMANCE, energy), view, found, (note,)).without_empty_columns()
 
 
 def watched_table(view: View) -> Table | None:

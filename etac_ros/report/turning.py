@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from etac_ros.bag.markers import arrow_tips
 from etac_ros.maths.ticks import seconds
@@ -29,16 +31,17 @@ def turning(run: ReportedRun) -> dict[str, Any] | None:
     graph, rate = run.graph, run.graph.ticks_per_second
     last = curves.last_tick(graph, run.recording)
     ticks = np.unique(np.round(last * np.linspace(0.0, 1.0, POSITIONS) ** _EARLY).astype(np.int64))
+    ticks = _nearest(ticks, [run.recording.kept(plant)[0] for plant in graph.plants])
     shown = []
     for plant in graph.plants:
-        first, states = run.recording.samples(plant)
+        known, states = run.recording.kept(plant)
         held = run.held[plant]
         ports = list(held)
         of_plant: dict[str, FloatArray] = {}
         bodies = [body for body in bodies_of(curves.dynamics(graph, plant)) if body.quaternions is not None]
         for body in sorted(bodies, key=lambda body: body.parent in {other.frame for other in bodies}):
             assert body.quaternions is not None
-            q = np.asarray(body.quaternions(states[ticks - first]), dtype=np.float64)
+            q = np.asarray(body.quaternions(states[np.searchsorted(known, ticks)]), dtype=np.float64)
             q = _product(of_plant[body.parent], q) if body.parent in of_plant else q
             of_plant[body.frame] = q
             port = body.port or (ports[0] if ports else "")
@@ -53,6 +56,12 @@ def turning(run: ReportedRun) -> dict[str, Any] | None:
     if not shown:
         return None
     return {"times": packed(np.asarray(seconds(ticks, rate))), "bodies": shown}
+
+
+def _nearest(ticks: npt.NDArray[np.int64], known: list[npt.NDArray[np.int64]]) -> npt.NDArray[np.int64]:
+    """The ticks, moved a little where a bag does not keep every sample, to those at which all plants are known."""
+    common = reduce(np.intersect1d, known) if any(some.size != known[0].size for some in known) else known[0]
+    return np.unique(common[np.minimum(np.searchsorted(common, ticks), common.size - 1)])
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:

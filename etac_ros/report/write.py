@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from etac_ros.errors import EtacError
+from etac_ros.errors import BagError, EtacError
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered, vector_files
@@ -25,6 +25,24 @@ _OVERVIEW_DPI = 125
 
 class ReportError(EtacError):
     """A report cannot be written."""
+
+
+def _with_samples(bag: Path, run: ReportedRun) -> ReportedRun:
+    """The run, if there is something to draw.
+
+    Raises
+    ------
+    BagError
+        If its bag keeps no samples.
+    """
+    if run.recording.every == 0:
+        raise BagError(
+            str(bag),
+            "it was recorded with --truth none, so there is nothing to draw",
+            "committed samples, be it of every Nth tick",
+            "etac info shows its messages, etac export has them and the triggering instants; record it with --truth N",
+        )
+    return run
 
 
 def write_report(
@@ -67,8 +85,14 @@ def write_report(
     ReportError
         If the folder cannot be written to.
     """
-    run = read_run(bag, trust)
-    view = View(run, tuple(read_other(other, run, trust) for other in others or baseline_beside(bag, run)))
+    run = _with_samples(bag, read_run(bag, trust, shown=True))
+    view = View(
+        run,
+        tuple(
+            _with_samples(other, read_other(other, run, trust, shown=True))
+            for other in others or baseline_beside(bag, run)
+        ),
+    )
     folder = bag / "report" if output is None else output
     try:
         # Before drawing, which takes seconds: they should not be lost on a folder that cannot be written to.

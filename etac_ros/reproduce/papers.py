@@ -18,7 +18,7 @@ _NUMBERS = re.compile(r"(\d+)(?:-(\d+))?")
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True)
 
 
 class Item(_Model):

@@ -33,6 +33,8 @@ _BEARS_NOT = {
     "compare",
     "windows",
     "state_rate_hz",
+    "truth_every",
+    "bag_compression",
     "variant",
     "dispersion",
     "tradeoff",
@@ -95,9 +97,20 @@ class Scenario:
     @property
     def text(self) -> str:
         """The complete parameter file of this run."""
+        return write_sections(self.sections)
+
+    @property
+    def told(self) -> str:
+        """The same for who listens to a run, as JSON, which takes no time to write; :func:`load_told` reads it."""
+        return json.dumps(self.sections)
+
+    @property
+    def sections(self) -> dict[str, dict[str, Any]]:
+        """The complete parameters of this run, by node; those of the whole run are of ``/**``."""
         everywhere = self.run.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"compare", "tradeoff"})
         # Without empty mappings: ROS's parser loses its place after one.
-        return write_sections(_without_empty({EVERYWHERE: everywhere, **self.nodes}))
+        kept: dict[str, dict[str, Any]] = _without_empty({EVERYWHERE: everywhere, **self.nodes})
+        return kept
 
     @property
     def digest(self) -> str:
@@ -235,6 +248,31 @@ def load_files(names: Sequence[str], variant: str | None = None, overrides: Sequ
     paths = [find(name) for name in names]
     layers = Layers(read_sections(*paths), str(paths[0]), variant, tuple(overrides))
     return _validated(laid(layers, _RUN_KEYS), layers, paths[0], variant)
+
+
+def load_told(text: str, where: str) -> Scenario:
+    """Load what a run tells of its scenario (:attr:`Scenario.told`).
+
+    Parameters
+    ----------
+    text
+        What it tells.
+    where
+        Who, to begin messages with.
+
+    Raises
+    ------
+    ScenarioError
+        As :func:`load` does.
+    """
+    try:
+        sections = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(where, f"does not tell what it is: {error}") from None
+    if not isinstance(sections, dict) or EVERYWHERE not in sections:
+        raise ScenarioError(where, f"tells of no section '{EVERYWHERE}'")
+    layers = Layers(sections, where)
+    return _validated(laid(layers, _RUN_KEYS), layers, Path(where), None)
 
 
 def baseline_of(scenario: Scenario) -> Scenario | None:

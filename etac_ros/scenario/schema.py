@@ -17,6 +17,7 @@ from pydantic import (
     model_validator,
 )
 
+from etac_ros.bag.compression import Compression
 from etac_ros.graph.channel import Bursts, Jitter
 from etac_ros.graph.faults import FaultKind
 from etac_ros.graph.graph import USUAL_QOS, AfterLast, LinkKind, Qos, Reliability
@@ -393,6 +394,10 @@ class RunSection(Parameters):
         description="samples of attitude, rate and torque that a bag shows a simulated second; 0: none; default: "
         "about five hundred a run",
     )
+    truth_every: NonNegativeInt = Field(
+        default=1, description="of the committed samples a bag keeps those at multiples of so many ticks; 0: none"
+    )
+    bag_compression: Compression = Field(default=Compression.LZ4, description="of the chunks of a bag")
     links: dict[str, LinkSection]
     media: dict[str, MediumSection] = Field(default={}, description="shared media, which links join")
     faults: dict[str, FaultSection] = Field(default={}, description="of the processes of nodes, by a name for each")

@@ -7,7 +7,8 @@ I/O at all: the in-process engine answers with calls, the ros engine with messag
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from types import MappingProxyType
 from typing import cast
 
 from etac_ros.errors import ProtocolError
@@ -42,6 +43,10 @@ class TimeMaster:
         Modules and links.
     windows
         How far plants compute ahead.
+    self_ending
+        Plants whose windows end by themselves where their reader acts, and how long these are otherwise.
+    with_history
+        Keep ``done``: in one process there is nobody who could have done something else.
 
     Attributes
     ----------
@@ -57,7 +62,13 @@ class TimeMaster:
         A running digest of what each module was told to do and when (:mod:`etac_ros.timing.digest`).
     """
 
-    def __init__(self, graph: Graph, windows: WindowPolicy) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        windows: WindowPolicy,
+        self_ending: Mapping[str, int] = MappingProxyType({}),
+        with_history: bool = True,
+    ) -> None:
         self.tick = 0
         self.halted = ""
         self.fired = {name: 0 for name in graph.reporters if graph.modules[name].triggers}
@@ -66,16 +77,26 @@ class TimeMaster:
         self.message_log: list[Transit] = []
         self._air = UnderWay(graph) if graph.media or graph.acknowledged else None
         self._graph = graph
+        self._end = graph.end_tick
+        self._told = graph.told
         self._policy = windows
         self._longest = windows.longest
+        self._self_ending = self_ending
+        self._with_history = with_history
         self.done: dict[str, int] = dict.fromkeys(graph.modules, 0)
         self._numbers = Places(graph.links)
         self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
         self._place = {name: index for index, name in enumerate(graph.modules)}
         self._link_place = {name: index for index, name in enumerate(graph.links)}
         self._ways = {name: _ways(link) for name, link in graph.links.items()}
+        self._at_once = {name: tuple(link.receivers) for name, link in graph.links.items() if link.is_ideal}
+        self._reads = {name: graph.reads.get(name, "") for name in graph.modules}
+        self._triggering = {name: module.triggers for name, module in graph.modules.items()}
+        self._concludes = frozenset(name for name, module in graph.modules.items() if module.concludes)
+        self._on_air = frozenset(name for name, link in graph.links.items() if link.medium or link.acknowledged)
         self._plants = frozenset(graph.plants)
         self._lookers = frozenset(graph.lookers)
+        self._looking = {plant: self._lookers.intersection(readers) for plant, readers in graph.readers.items()}
         # A window ends before a module goes on after a fault: what it is then and knows, no window shows before.
         self._last_before = sorted({fault.until_tick - 1 for fault in graph.faults})
         self._concluding = frozenset(
@@ -116,15 +137,16 @@ class TimeMaster:
             If the messages of one tick go round without end.
         """
         end = self._graph.end_tick
-        yield from self._look(-1, self._graph.plants, self._lookers)
+        plants = self._graph.plants
+        yield from self._look(-1, plants, self._lookers)
         while not self.is_halted() and (tick := self._earliest()) < end:
             self.tick = tick
             if self._air is not None:
                 self._land(self._air, tick)
             touched = yield from self._act(tick)
             if not self.is_halted():
-                used_up = {plant for plant in self._graph.plants if self._proposals[plant] == tick}
-                renewed = [plant for plant in self._graph.plants if plant in touched | used_up]
+                # Whose input has changed, and whose window is used up.
+                renewed = [plant for plant in plants if plant in touched or self._proposals[plant] == tick]
                 yield from self._look(tick, renewed, touched & self._lookers)
         if not self.is_halted():
             self.tick = end
@@ -169,7 +191,8 @@ class TimeMaster:
     def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], set[str]]:
         """Fire, then deliver step by step until nothing is in flight. Returns who acted or received."""
         due = [name for name, when in self._proposals.items() if when == tick and name not in self._plants]
-        due.sort(key=self._place.__getitem__)
+        if len(due) > 1:
+            due.sort(key=self._place.__getitem__)
         asked = [name for name in due if name not in self._granted]
         if asked:
             alone = len(due) == 1 and tick not in self._calendar and due[0] in self._concluding
@@ -181,17 +204,27 @@ class TimeMaster:
         for name in due:
             report = self._granted.pop(name)
             del self._proposals[name]
-            self.done[name] = acted(self.done[name], tick, self._epoch(name))
+            if self._with_history:
+                self.done[name] = acted(self.done[name], tick, self._epoch(name))
             self._note(name, report, tick, 0, arriving)
             if report.concluded is not None:
-                self._delivered(name, tick, ())
+                if self._with_history:
+                    self._delivered(name, tick, ())
                 concluded[name] = Report(report.concluded)
-            elif self._graph.modules[name].concludes:
+            elif name in self._concludes:
                 arriving.setdefault(name, [])
         step = 1
         while arriving or concluded:
             if step > _MOST_STEPS_A_TICK:
                 raise self._endless(tick, arriving)
+            if len(arriving) == 1 and not concluded:
+                ((name, bag),) = arriving.items()
+                (report,) = yield (self._deliver(name, tick, step, bag),)
+                arriving = {}
+                touched.add(name)
+                self._note(name, report, tick, step, arriving)
+                step += 1
+                continue
             receivers = sorted(arriving, key=self._place.__getitem__)
             answers = concluded
             if receivers:
@@ -208,14 +241,15 @@ class TimeMaster:
     def _deliver(self, module: str, tick: int, step: int, bag: Sequence[MessageId | Settled]) -> Deliver:
         """The order to take what comes in one step."""
         ends: tuple[Settled, ...] = ()
-        if module in self._graph.told:
+        if module in self._told:
             ends = tuple(sorted((one for one in bag if isinstance(one, Settled)), key=self._in_order))
             if ends:
-                numbers = self._numbers.of_settled(ends)
-                self.done[module] = settled(self.done[module], tick, self._epoch(module), numbers)
+                if self._with_history:
+                    numbers = self._numbers.of_settled(ends)
+                    self.done[module] = settled(self.done[module], tick, self._epoch(module), numbers)
                 bag = [one for one in bag if isinstance(one, MessageId)]
         messages = tuple(cast(Sequence[MessageId], bag if len(bag) == 1 else sorted(bag, key=self._in_order)))
-        if messages or not ends:
+        if self._with_history and (messages or not ends):
             self._delivered(module, tick, messages)
         return Deliver(module, tick, step, messages, self._epoch(module), ends)
 
@@ -225,21 +259,29 @@ class TimeMaster:
 
     def _note(self, sender: str, report: Report, tick: int, step: int, arriving: Bags) -> None:
         """Number what was sent and hand it to the channel: now, later or never."""
-        self._halt(sender, report)
-        triggering = self._graph.modules[sender].triggers
+        if report.halt:
+            self._halt(sender, report)
+        triggering = self._triggering[sender]
         for name in report.sent:
-            link = self._graph.links[name]
-            if link.port == triggering and self._last_fired.get(sender, tick) != tick:
+            if triggering and self._graph.links[name].port == triggering and self._last_fired.get(sender, tick) != tick:
                 self._last_fired[sender] = tick
                 self.fired[sender] += 1
-            self.sent[name] += 1
-            message = MessageId(name, self.sent[name])
-            self.message_log.append(Transit(name, message.sequence, tick, step))
-            if self._air is not None and (link.medium or link.acknowledged):
+            sequence = self.sent[name] = self.sent[name] + 1
+            message = MessageId(name, sequence)
+            self.message_log.append(Transit(name, sequence, tick, step))
+            at_once = self._at_once.get(name)
+            if at_once is not None:
+                for receiver in at_once:
+                    if receiver in arriving:
+                        arriving[receiver].append(message)
+                    else:
+                        arriving[receiver] = [message]
+                continue
+            if self._air is not None and name in self._on_air:
                 self._hand_to(self._air, message, tick, arriving)
                 continue
             for receiver, way in self._ways[name]:
-                for when in (tick,) if way is None else way.arrivals(message.sequence, tick):
+                for when in (tick,) if way is None else way.arrivals(sequence, tick):
                     if when == tick:
                         arriving.setdefault(receiver, []).append(message)
                     elif when < self._graph.end_tick:
@@ -268,51 +310,56 @@ class TimeMaster:
             return
         lookers = set(touched)
         for plant in renewed:
-            lookers.update(self._lookers.intersection(self._graph.readers[plant]))
+            lookers.update(self._looking[plant])
         for name in lookers:
             self._proposals.pop(name, None)
-        # Who still has its window says first when it acts, so that the others may get leave to act until then.
-        waiting = {name for name in lookers if self._graph.reads.get(name) in renewed}
-        settled = sorted(lookers - waiting, key=self._place.__getitem__)
-        if settled and waiting:
-            reports = yield [Look(name, tick, -1) for name in settled]
-            self._propose(settled, reports)
-        ordered = sorted(waiting or lookers, key=self._place.__getitem__)
+        ordered = list(lookers)
+        if len(lookers) > 1:
+            # Who still has its window says first when it acts, so that the others may get leave to act until then.
+            waiting = {name for name in lookers if self._reads[name] in renewed}
+            settled = sorted(lookers - waiting, key=self._place.__getitem__)
+            if settled and waiting:
+                reports = yield [Look(name, tick, -1) for name in settled]
+                self._propose(settled, reports)
+            ordered = sorted(waiting or lookers, key=self._place.__getitem__)
         for plant in renewed:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
-            end = self._graph.end_tick
+            end = self._end
             if self._last_before:
                 end = next((last for last in self._last_before if last > tick), end)
-            self._proposals[plant] = min(tick + self._lengths[plant], end)
+            until = tick + self._lengths[plant]
+            self._proposals[plant] = until if until < end else end
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
         reports = yield orders
         for plant, report in zip(renewed, reports, strict=False):
-            self._halt(plant, report)
+            if report.halt:
+                self._halt(plant, report)
+            if report.last is not None:
+                self._proposals[plant] = report.last
         self._propose(ordered, reports[len(renewed) :])
 
     def _grant(self, module: str) -> int:
         """Last tick up to which a module may act without asking; if it has to be alone then, one tick less."""
-        earliest = self._earliest() if self._proposals else self._graph.end_tick
-        return (
-            min(earliest, self._graph.end_tick) - 1
-            if module in self._concluding
-            else min(earliest, self._graph.end_tick - 1)
-        )
+        earliest = self._earliest() if self._proposals else self._end
+        return min(earliest, self._end) - 1 if module in self._concluding else min(earliest, self._end - 1)
 
     def _propose(self, modules: Sequence[str], reports: Sequence[Report]) -> None:
         for name, report in zip(modules, reports, strict=True):
-            if report.proposal is not None:
-                self._proposals[name] = report.proposal
+            proposal = report.proposal
+            if proposal is not None:
+                self._proposals[name] = proposal
                 if report.fired:
                     self._granted[name] = report
 
     def _next_length(self, plant: str, tick: int) -> int:
         if plant not in self._lengths:
             wanted = self._policy.first
+        elif plant in self._self_ending:
+            return self._self_ending[plant]
         elif self._proposals[plant] == tick:
             wanted = self._policy.after_quiet(self._lengths[plant])
         else:
@@ -320,7 +367,7 @@ class TimeMaster:
         return min(wanted, self._longest)
 
     def _epoch(self, module: str) -> int:
-        return self._opened.get(self._graph.reads.get(module, ""), 0)
+        return self._opened.get(self._reads[module], 0)
 
     def _in_order(self, message: MessageId | Settled) -> tuple[int, int]:
         return self._link_place[message.link], message.sequence

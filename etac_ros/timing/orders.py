@@ -90,6 +90,8 @@ class Report(NamedTuple):
     """Links on which a module that was alone has sent in the step after; None if it has not concluded yet."""
     halt: str = ""
     """A watch asks to end the run at this tick, and why."""
+    last: int | None = None
+    """After Open: the last tick of the window, where it is shorter than was asked for."""
 
 
 class Transit(NamedTuple):

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from etac_ros.errors import ScenarioError
+
+_LOOKED_AHEAD_S = 0.1
+"""How far a run that is slowed down is computed ahead of what is shown [wall s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class WindowPolicy:
@@ -35,3 +40,19 @@ class WindowPolicy:
 
 USUAL_WINDOWS = WindowPolicy()
 """What a scenario gets that says nothing of windows."""
+
+
+def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
+    """Windows of a run that is slowed down: none reaches further ahead than one looks.
+
+    Raises
+    ------
+    ScenarioError
+        If the pace is none.
+    """
+    if pace is None:
+        return windows
+    if not 0.0 < pace < float("inf"):
+        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
+    longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
+    return WindowPolicy(min(windows.first, longest), longest)

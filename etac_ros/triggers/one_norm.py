@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from etac_ros.maths.compiled import inlined, kernel
-from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.parameters import FloatArray, Parameters, vector
 
 _COLUMNS = 3
 
@@ -25,10 +25,16 @@ def _error_and_threshold(signal, held, epsilon, r):  # type: ignore[no-untyped-d
     return error, epsilon * norm + r
 
 
+@inlined
+def _holds(signal, held, p):  # type: ignore[no-untyped-def]
+    error, threshold = _error_and_threshold(signal, held, p[0], p[1])
+    return error >= threshold
+
+
 @kernel
-def _first(signals, held, epsilon, r):  # type: ignore[no-untyped-def]
+def _first(signals, held, p):  # type: ignore[no-untyped-def]
     for i in range(signals.shape[0]):
-        error, threshold = _error_and_threshold(signals[i], held, epsilon, r)
+        error, threshold = _error_and_threshold(signals[i], held, p[0], p[1])
         if error >= threshold:
             return i
     return -1
@@ -62,8 +68,10 @@ class OneNormThreshold:
     """
 
     Parameters = OneNormThresholdParameters
+    holds = staticmethod(_holds)
 
     def __init__(self, parameters: OneNormThresholdParameters, ticks_per_second: int) -> None:
+        self.holds_parameters = vector([parameters.epsilon, parameters.r_rad_s])
         self._epsilon = parameters.epsilon
         self._r = parameters.r_rad_s
 
@@ -85,7 +93,7 @@ class OneNormThreshold:
             If there are fewer than three columns.
         """
         self._check(signals, held)
-        return int(_first(signals, held, self._epsilon, self._r))
+        return int(_first(signals, held, self.holds_parameters))
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray]:
         """``|omega(t_i) - omega|_1`` and ``epsilon |omega(t_i)|_1 + r`` of each sample, both of shape (n,)."""

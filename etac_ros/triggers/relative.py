@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from etac_ros.maths.compiled import inlined, kernel
-from etac_ros.parameters import FloatArray, Parameters
+from etac_ros.parameters import FloatArray, Parameters, vector
 from etac_ros.triggers.bound import Bound, Evidence
 
 
@@ -24,10 +24,16 @@ def _error_and_threshold(signal, held, alpha, gamma):  # type: ignore[no-untyped
     return np.sqrt(error), alpha * np.sqrt(norm) + gamma
 
 
+@inlined
+def _holds(signal, held, p):  # type: ignore[no-untyped-def]
+    error, threshold = _error_and_threshold(signal, held, p[0], p[1])
+    return error >= threshold
+
+
 @kernel
-def _first(signals, held, alpha, gamma):  # type: ignore[no-untyped-def]
+def _first(signals, held, p):  # type: ignore[no-untyped-def]
     for i in range(signals.shape[0]):
-        error, threshold = _error_and_threshold(signals[i], held, alpha, gamma)
+        error, threshold = _error_and_threshold(signals[i], held, p[0], p[1])
         if error >= threshold:
             return i
     return -1
@@ -59,14 +65,16 @@ class RelativeThreshold:
     """
 
     Parameters = RelativeThresholdParameters
+    holds = staticmethod(_holds)
 
     def __init__(self, parameters: RelativeThresholdParameters, ticks_per_second: int) -> None:
+        self.holds_parameters = vector([parameters.alpha, parameters.gamma])
         self._alpha = parameters.alpha
         self._gamma = parameters.gamma
 
     def first(self, signals: FloatArray, tick: int, held: FloatArray, held_tick: int | None = None) -> int:
         """Index of the first sample that fires, or -1."""
-        return int(_first(signals, held, self._alpha, self._gamma))
+        return int(_first(signals, held, self.holds_parameters))
 
     def margin(self, signals: FloatArray, tick: int, held: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """``|s(t_i) - s|`` and ``alpha |s| + gamma`` of each sample."""

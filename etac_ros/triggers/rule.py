@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -73,7 +74,21 @@ class RuleWithMemory(Protocol):
         ...
 
 
+class HeldRule(TriggerRule, Protocol):
+    """A rule that goes by sample and held value alone, and whose formula may be compiled into a plant's."""
+
+    holds_parameters: FloatArray
+    holds: Callable[..., Any]
+    """``holds(signal, held, holds_parameters)``, as :func:`etac_ros.maths.compiled.inlined` takes it: whether a sample
+    fires."""
+
+
 AnyRule = TriggerRule | RuleWithMemory
+
+
+def is_held(rule: AnyRule) -> TypeGuard[HeldRule]:
+    """Whether the formula of a rule may be compiled into a plant's."""
+    return hasattr(rule, "holds_parameters")
 
 
 @runtime_checkable

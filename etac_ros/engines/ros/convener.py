@@ -13,14 +13,14 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
-from etac_ros.engines.ros.endpoints import Spinner
+from etac_ros.engines.ros.endpoints import LATCHED, Spinner
 from etac_ros.engines.ros.foreign import Foreign
 from etac_ros.engines.ros.messages import open_note
 from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import Reliability
-from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, START, STOP
+from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, SCENARIO, START, STOP
 
 _LAST_WORD_S = 2.0
 """How long the coordinator waits to know that its last word has been heard by nodes that nobody else would end."""
@@ -63,6 +63,9 @@ class Convener(RunNode):
         self._stop = self.publisher(String, STOP, latched=True)
         self._end = self.publisher(String, END, latched=True)
         self._clock = self.publisher(Clock, CLOCK)
+        # Nobody of the run hears it, so nobody waits for it, and it is not counted.
+        self._scenario = self.ros_node.create_publisher(String, SCENARIO, LATCHED)
+        self._scenario.publish(self.note({**Convener._start_content(self), "clock": plan.clock, "text": plan.told}))
 
     def idle(self, patient: bool) -> None:
         """Called while nothing arrives: begins when all are there, and notices who has gone quiet.

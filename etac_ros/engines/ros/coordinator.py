@@ -60,11 +60,13 @@ class CoordinatorNode(Convener):
         on_progress: Progress,
     ) -> None:
         super().__init__(plan, spinner, context)
-        self.master = TimeMaster(plan.graph, plan.windows)
+        self.master = TimeMaster(plan.graph, plan.windows_ahead)
         self._dispatcher = Dispatcher(plan.graph, plan.duties, self.master, self._on_effect, self._on_step)
         self._plants = plants
         self._on_progress = on_progress
         self._told = 0.0
+        self._clock_is_heard = False
+        self._shown_tick = -1
         self._steps = 0
         self._stepped = 0.0
         self._logs = 0
@@ -128,6 +130,7 @@ class CoordinatorNode(Convener):
     def on_start(self) -> None:
         """Begin: the master's first orders."""
         self.began = self._told = time.perf_counter()
+        self._clock_is_heard = self._clock.heard
         self._dispatcher.begin()
 
     def _totals(self) -> dict[str, Any]:
@@ -152,7 +155,7 @@ class CoordinatorNode(Convener):
     def _listen_to_foreign(self, link: Link, callback: Callable[[Any, int], None], foreign: bool) -> Subscription:
         """A subscription to what a foreign node sends, or is asked, as bytes."""
         kind = message_type(link.wire)
-        return self.subscription(kind, link.topic, callback, raw=True, foreign=foreign, qos=link.qos)
+        return self.subscription(kind, link.topic, callback, foreign=foreign, qos=link.qos)
 
     def _hear_next(self, module: str) -> None:
         def on_next(content: Any, sequence: int) -> None:
@@ -203,6 +206,8 @@ class CoordinatorNode(Convener):
         self._stepped = now
         if now - self._told > _TELL_EVERY_S or len(self.master.message_log) > _LOG_MESSAGES:
             self._tell()
+        if self._clock_is_heard and self.master.tick != self._shown_tick:
+            self._show_time()
         if self._is_ahead():
             self._dispatcher.pause()
 
@@ -218,9 +223,14 @@ class CoordinatorNode(Convener):
         self._message_log.publish(self.note(content))
         if self._logs - self._recorded >= _LOGS_AHEAD:
             self._dispatcher.pause()
+        self._show_time()
+        self._clock_is_heard = self._clock.heard
+        self._on_progress(self.master.tick, self.master.fired)
+
+    def _show_time(self) -> None:
+        self._shown_tick = self.master.tick
         now = nanoseconds(self.master.tick, self.plan.graph.ticks_per_second)
         self._clock.publish(Clock(clock=Time(sec=now // NANOSECONDS, nanosec=now % NANOSECONDS)))
-        self._on_progress(self.master.tick, self.master.fired)
 
     def _owing(self) -> list[str]:
         """Who owes a report; if a plant waits for a message, those who should send it.

@@ -58,6 +58,10 @@ class Outcome:
                 found[topic] = max(found.get(topic, 0), messages)
         return found
 
+    def written(self, topic: str) -> int:
+        """Messages of a topic that the recorder has handed to the bag."""
+        return int(self.leave_notes[RECORDER]["written"].get(topic, (0, 0))[0])
+
     def memory_kib(self) -> dict[str, int]:
         """Peak memory of the process of each node."""
         return {name: int(leave_note["memory_kib"]) for name, leave_note in self.leave_notes.items()}

@@ -21,6 +21,8 @@ DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
 _FIRST_PORT = 7400
 _PORTS_A_DOMAIN = 250
+_LEASES = "@etac_ros/domain/"
+"""How the system shows the names of leases, which begin with a zero byte."""
 
 
 def last_port(domain: int) -> int:
@@ -137,6 +139,15 @@ def _lease(domain: int) -> DomainLease | None:
         name.close()
         return None
     return DomainLease(domain, name)
+
+
+def leased_domains() -> list[int]:
+    """The domains of the runs that are going on on this machine."""
+    try:
+        names = [line.rpartition(" ")[2] for line in Path("/proc/net/unix").read_text().splitlines()]
+    except OSError:
+        return []
+    return sorted({int(name.removeprefix(_LEASES)) for name in names if name.startswith(_LEASES)})
 
 
 def _busy_domains() -> set[int]:

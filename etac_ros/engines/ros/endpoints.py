@@ -8,10 +8,11 @@ so this file is the one place that waits, and no other knows how.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -55,7 +56,7 @@ def profile(qos: Qos) -> QoSProfile:
     )
 
 
-_LATCHED_READER = QoSProfile(
+LATCHED_READER = QoSProfile(
     depth=1000,
     history=HistoryPolicy.KEEP_LAST,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -64,9 +65,9 @@ _LATCHED_READER = QoSProfile(
 """A reader that keeps one message would let the note of one node push out another's."""
 
 Callback = Callable[[Any, int], None]
-"""Takes a message (its bytes, or what was read of it) and its number on its publisher: 1, 2, ..."""
-Reader = Callable[[Any], Any]
-"""Reads a message; None for one that is not of this run."""
+"""Takes a serialized message (or what was read of it) and its number on its publisher: 1, 2, ..."""
+Reader = Callable[[bytes], Any]
+"""Reads a serialized message; None for one that is not of this run."""
 
 
 @dataclass
@@ -117,14 +118,18 @@ class Publisher:
         self._node = node
         self._matched = False
         self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
+        self.on_sent: Callable[[str], None] | None = None
+        """Told the topic of each message that has been sent."""
 
     def publish(self, message: Any) -> int:
-        """Publish a message; returns its sequence number."""
-        serialized = serialize_message(message)
+        """Publish a message, serialized or not; returns its sequence number."""
+        serialized = message if isinstance(message, bytes) else serialize_message(message)
         # Counted first: a receiver may answer before this call returns.
         self.count.messages += 1
         self.count.cdr_bytes += len(serialized)
         self._publisher.publish(serialized)
+        if self.on_sent is not None:
+            self.on_sent(self.topic)
         return self.count.messages
 
     @property
@@ -160,14 +165,12 @@ class Publisher:
 
 
 class Subscription:
-    """Receives one topic, in order, and notices a gap.
+    """Receives one topic, as bytes, in order, and notices a gap.
 
     Parameters
     ----------
     node, kind, topic, callback
         Owner, message class, topic name, and who takes the messages.
-    raw
-        Hand over serialized bytes.
     latched
         Also get the last message from before joining.
     shared
@@ -201,7 +204,6 @@ class Subscription:
         topic: str,
         callback: Callback,
         *,
-        raw: bool = False,
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
@@ -218,7 +220,6 @@ class Subscription:
         self._qos = qos
         self._node = node
         self._kind = kind
-        self._raw = raw
         self._read = read
         self._callbacks = [callback]
         self._continuous = not latched and not shared
@@ -226,8 +227,8 @@ class Subscription:
         self._closed = foreign
         self._base = 0
         self._matched = False
-        wanted = _LATCHED_READER if latched else profile(qos)
-        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=raw)
+        wanted = LATCHED_READER if latched else profile(qos)
+        subscription = node.create_subscription(kind, topic, _unused, wanted, raw=True)
         self.handle = subscription.handle
 
     def also(self, callback: Callback) -> None:
@@ -254,35 +255,41 @@ class Subscription:
 
     def take(self) -> None:
         """Hand all waiting messages to the callback."""
-        while (taken := self.handle.take_message(self._kind, self._raw)) is not None:
-            message, info = taken
-            sequence = int(info["publication_sequence_number"])
-            if self._closed:
-                self.strangers += 1
-                continue
-            self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
-            if self.period is not None and not self.period[0] <= self.source_ns < self.period[1]:
-                self.strangers += 1
-                continue
-            size = len(message) if self._raw else 0
-            content = message if self._read is None else self._read(message)
-            if content is None:
-                self.strangers += 1
-                continue
-            if self._foreign and not self.count.messages:
-                self._base = sequence - 1
-            self.count.messages += 1
-            self.count.cdr_bytes += size
-            number = sequence - self._base
-            if self._continuous and self.succession is not None:
-                placed = self.succession.number(sequence, self.source_ns)
-                if placed is None:
-                    raise self._gap(number)
-                number = placed
-            elif self._continuous and number != self.count.messages:
+        while self.take_one():
+            pass
+
+    def take_one(self) -> bool:
+        """Hand a waiting message to the callback; False if none was there."""
+        taken = self.handle.take_message(self._kind, True)
+        if taken is None:
+            return False
+        data, info = taken
+        if self._closed:
+            self.strangers += 1
+            return True
+        self.source_ns, self.received_ns = info["source_timestamp"], info["received_timestamp"]
+        content = None
+        if self.period is None or self.period[0] <= self.source_ns < self.period[1]:
+            content = data if self._read is None else self._read(data)
+        if content is None:
+            self.strangers += 1
+            return True
+        sequence = int(info["publication_sequence_number"])
+        if self._foreign and not self.count.messages:
+            self._base = sequence - 1
+        self.count.messages += 1
+        self.count.cdr_bytes += len(data)
+        number = sequence - self._base
+        if self._continuous and self.succession is not None:
+            placed = self.succession.number(sequence, self.source_ns)
+            if placed is None:
                 raise self._gap(number)
-            for callback in self._callbacks:
-                callback(content, number)
+            number = placed
+        elif self._continuous and number != self.count.messages:
+            raise self._gap(number)
+        for callback in self._callbacks:
+            callback(content, number)
+        return True
 
     def _gap(self, number: int) -> RunError:
         remedy = "is another program publishing on this topic in this ROS domain?"
@@ -301,8 +308,33 @@ class Subscription:
         )
 
 
+_OWN_IN_TURN = 64
+"""Messages of this process to itself that are taken in turn before others are looked for."""
+
+
+class Taker(Protocol):
+    """What a loop serves."""
+
+    topic: str
+    handle: Any
+    """Of a subscription of rclpy."""
+
+    def take(self) -> None:
+        """Take all messages that wait."""
+        ...
+
+    def take_one(self) -> bool:
+        """Take one of them; False if there was none."""
+        ...
+
+
 class Spinner:
     """Waits for messages of several subscriptions and hands them out, in one thread.
+
+    To wait costs a little for each subscription that is waited for, so where many nodes share a process it would be
+    most of a run. What this process has sent to itself is there already (DDS hands it over within the call that sends
+    it), so it is taken without waiting; now and then, and where nothing of that kind is left, all others have their
+    turn.
 
     Parameters
     ----------
@@ -316,21 +348,33 @@ class Spinner:
     def __init__(self, context: Any, gather_s: float = 0.0) -> None:
         self._context = context
         self._gather_s = gather_s
-        self._subscriptions: list[Subscription] = []
-        self._by_pointer: dict[int, tuple[int, Subscription]] = {}
+        self._subscriptions: list[Taker] = []
+        self._handles: list[Any] = []
+        self._by_pointer: dict[int, tuple[int, Taker]] = {}
         self._of_all: dict[str, Subscription] = {}
         self._services: dict[int, Any] = {}
         self._wait_set: Any = None
+        self._by_topic: dict[str, list[Taker]] = {}
+        self._own: deque[Taker] = deque()
+        """Those to which this process has sent something that they have not taken."""
+        self._own_in_turn = 0
+
+    def sent(self, topic: str) -> None:
+        """Take note that this process has sent a message, perhaps to itself."""
+        if topic in self._by_topic:
+            self._own += self._by_topic[topic]
 
     def serve(self, services: Iterable[Any]) -> None:
         """Answer requests to these services, too: those of nodes that ROS tools are shown."""
         self._services |= {service.handle.pointer: service for service in services}
         self._wait_set = None
 
-    def add(self, subscription: Subscription) -> None:
+    def add(self, subscription: Taker) -> None:
         """Listen to one more subscription."""
         self._by_pointer[subscription.handle.pointer] = (len(self._subscriptions), subscription)
         self._subscriptions.append(subscription)
+        self._handles.append(subscription.handle)
+        self._by_topic.setdefault(subscription.topic, []).append(subscription)
         self._wait_set = None
 
     def for_all(self, topic: str, make: Callable[[], Subscription], callback: Callback) -> Subscription:
@@ -344,14 +388,19 @@ class Spinner:
 
     def once(self, timeout_s: float) -> bool:
         """Wait for messages and hand them out; False if none came in time."""
+        while self._own and self._own_in_turn < _OWN_IN_TURN:
+            self._own_in_turn += 1
+            if self._own.popleft().take_one():
+                return True
+        self._own_in_turn = 0
         if self._wait_set is None:
             self._wait_set = _rclpy.WaitSet(
                 len(self._subscriptions), 0, 0, 0, len(self._services), 0, self._context.handle
             )
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for subscription in self._subscriptions:
-            wait_set.add_subscription(subscription.handle)
+        for handle in self._handles:
+            wait_set.add_subscription(handle)
         for service in self._services.values():
             wait_set.add_service(service.handle)
         if self._gather_s:
@@ -363,8 +412,12 @@ class Spinner:
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
             return False
-        for _, subscription in sorted((self._by_pointer[pointer] for pointer in ready), key=itemgetter(0)):
-            subscription.take()
+        ends = [self._by_pointer[pointer] for pointer in ready]
+        for _, subscription in sorted(ends, key=itemgetter(0)) if len(ends) > 1 else ends:
+            if self._gather_s:
+                subscription.take()
+            else:
+                subscription.take_one()  # to ask for a second takes time, and there seldom is one: else it is next
         return True
 
 

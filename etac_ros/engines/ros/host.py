@@ -45,6 +45,8 @@ _COLLECT_S = 2.0
 _GATHER_S = 0.005
 """How long the recorder lets messages gather; nobody waits for it before the end."""
 _LOOK_S = 0.1
+_GLANCE_S = 0.01
+"""A loop that comes round more often than this looks around no more often."""
 
 
 def _nothing(tick: int, fired: Any) -> None:
@@ -157,7 +159,7 @@ class Host:
         context = Context()
         try:
             # Without log files: nobody reads them, and there may be no folder for them.
-            quietly = ["--ros-args", "--disable-external-lib-logs", "--disable-stdout-logs"]
+            quietly = ["--ros-args", "--disable-external-lib-logs", "--disable-stdout-logs", *self._plan.ros_args]
             rclpy.init(args=quietly, context=context, signal_handler_options=SignalHandlerOptions.NO)
             self._create(context)
         except _rclpy.RCLError as error:
@@ -266,6 +268,8 @@ class Host:
 
     def _look_around(self) -> None:
         now = time.monotonic()
+        if now - self._last_round < _GLANCE_S and self.ended_by is None:
+            return
         if now - self._last_round > fresh_s(self._plan.quiet_s):
             self._excuse(now)  # this process itself was stopped, or has computed
         self._last_round = now

@@ -10,12 +10,11 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, String
 
+from etac_ros.bag.codec import decode, encode_truth
 from etac_ros.engines.ros.endpoints import Publisher, Spinner, Subscription
 from etac_ros.engines.ros.messages import (
-    decode,
     decode_window,
     encode,
-    encode_truth,
     encode_window,
     message_type,
     stamp_ns,
@@ -24,8 +23,10 @@ from etac_ros.engines.ros.notes import read_order, report_note
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
+from etac_ros.graph.cdr import layout_of
 from etac_ros.graph.graph import Link
 from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
+from etac_ros.graph.wire import is_stamped
 from etac_ros.maths.ticks import nanoseconds, tick_of
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.orders import Order, Report
@@ -94,10 +95,16 @@ class ModuleNode(RunNode):
 
     def _hear(self, link: Link) -> None:
 
-        def on_message(message: Any, sequence: int) -> None:
-            stamp = stamp_ns(message) if self.worker.wants_stamps else None
-            tick = None if stamp is None else self._tick_of(stamp, link)
-            self.worker.on_message(link, sequence, decode(message), tick)
+        type_name, worker = link.wire.type_name, self.worker
+        stamped = worker.wants_stamps and is_stamped(type_name)
+        layout = layout_of(type_name, link.wire.size)
+
+        def on_message(data: bytes, sequence: int) -> None:
+            value = layout.read(data)
+            if value is None:
+                value = decode(type_name, data)
+            tick = self._tick_of(stamp_ns(link.wire, data), link) if stamped else None
+            worker.on_message(link, sequence, value, tick)
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
@@ -120,8 +127,8 @@ class ModuleNode(RunNode):
         self.settle()
 
     def _see(self, plant: str) -> None:
-        def on_window(message: Any, sequence: int) -> None:
-            self.worker.on_window(*decode_window(message, plant))
+        def on_window(data: bytes, sequence: int) -> None:
+            self.worker.on_window(*decode_window(data, plant))
             self.settle()
 
         self.subscription(Float64MultiArray, window_topic(plant), on_window)

@@ -17,7 +17,7 @@ from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.membership import mortals, restarts_of, surely_there
-from etac_ros.timing.windows import WindowPolicy
+from etac_ros.timing.windows import WindowPolicy, short_windows
 
 _BY_HAND = "by hand"
 _LOOKS_FOR_NS = 5 * NANOSECONDS
@@ -85,7 +85,8 @@ class Plan:
     wall
         How it runs in real time; None for simulated time.
     pace
-        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit.
+        Simulated seconds a second that simulated time may make at most; None lets it run. Changes no bit, and concerns
+        the coordinator alone.
     faults
         In real time: what the launcher does to processes. In simulated time the graph has them.
     rehearse
@@ -94,8 +95,12 @@ class Plan:
     birth
         Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
-        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, whose start
-        it would make slower.
+        What each node shows to ROS tools, by node; None where nobody is shown anything: in launched runs, unless they
+        are asked to, since it makes their start slower.
+    told
+        The complete parameters of the run as JSON, for who listens.
+    ros_args
+        Of a node that is started by hand: what is for its own logging and security, as behind ``--ros-args``.
     """
 
     scenario: str
@@ -111,6 +116,13 @@ class Plan:
     rehearse: Callable[[], None] | None = None
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
+    told: str = ""
+    ros_args: tuple[str, ...] = ()
+
+    @property
+    def windows_ahead(self) -> WindowPolicy:
+        """How far plants are asked to compute ahead; who does what, on which all agree, goes by ``windows``."""
+        return short_windows(self.windows, self.pace, self.graph.ticks_per_second)
 
     @property
     def clock(self) -> str:

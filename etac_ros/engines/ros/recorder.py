@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.bag.clock import AFTER_ALL_STEPS, log_time_ns
+from etac_ros.bag.codec import decode_truth, encode_truth
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth, message_type
+from etac_ros.engines.ros.messages import decode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.graph.air import to_rows
@@ -137,33 +137,31 @@ class RecorderNode(RunNode):
         def on_message(data: bytes, sequence: int) -> None:
             self._waiting[link.name, sequence] = data
             self._sort_in(link.name, sequence)
-            self._let_truth_follow()
-            self._acknowledge()
+            if not self._places and self._log > self._acknowledged:
+                self._all_placed()
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
         kind = message_type(link.wire)
-        self._received[link.topic] = self.subscription(
-            kind, link.topic, on_message, raw=True, foreign=foreign, qos=link.qos
-        )
+        self._received[link.topic] = self.subscription(kind, link.topic, on_message, foreign=foreign, qos=link.qos)
 
     def _record_truth(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
-            first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
+            first, samples = decode_truth(data)
             last = first + samples.shape[0] - 1
             self._tick = max(self._tick, last)
             self._write(topic, data, last, AFTER_ALL_STEPS, sequence)
             self.settle()
 
-        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _record_windows(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
-            window, _ = decode_window(deserialize_message(data, Float64MultiArray), topic)
+            window, _ = decode_window(data, topic)
             self._write(topic, data, window.start, 0, sequence)
             self.settle()
 
-        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _on_message_log(self, content: Any, sequence: int) -> None:
         self._log = content["log"]
@@ -174,8 +172,8 @@ class RecorderNode(RunNode):
             self._tick = max(self._tick, tick)
             self._logged = max(self._logged, tick)
             self._sort_in(name, number)
-        self._let_truth_follow()
-        self._acknowledge()
+        if not self._places:
+            self._all_placed()
         self.settle()
 
     def _record_air(self, told: Any) -> None:
@@ -184,15 +182,16 @@ class RecorderNode(RunNode):
         rows = to_rows(fates, list(self.plan.graph.links))
         for first in range(0, rows.shape[0], MOST_SAMPLES):
             self._air_tables += 1
-            cdr = bytes(serialize_message(encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])))
+            cdr = encode_truth(told["tick"], rows[first : first + MOST_SAMPLES])
             self._write(AIR, cdr, told["tick"], AFTER_ALL_STEPS, self._air_tables)
 
-    def _acknowledge(self) -> None:
-        """Tell the coordinator up to which message log all is safe, so that the run does not leave us behind."""
-        if self._log > self._acknowledged and not self._places:
-            self._bag().secure()  # first: what is acknowledged is not lost, whoever kills us
-            self._acknowledged = self._log
-            self._recorded.publish(self.note({"log": self._log}))
+    def _all_placed(self) -> None:
+        """Every message that was told of is in the bag: truth may follow, and the run need not wait for us."""
+        # Messages of the last tick may still be under way.
+        self._bag().placed_until(nanoseconds(self._logged - 1, self.plan.graph.ticks_per_second))
+        self._bag().secure()  # first: what is acknowledged is not lost, whoever kills us
+        self._acknowledged = self._log
+        self._recorded.publish(self.note({"log": self._log}))
 
     def _sort_in(self, name: str, number: int) -> None:
         """Write a message once both it and its place in time are here."""
@@ -200,12 +199,6 @@ class RecorderNode(RunNode):
         if key in self._waiting and key in self._places:
             tick, step = self._places.pop(key)
             self._write(self.plan.graph.links[name].topic, self._waiting.pop(key), tick, step, number)
-
-    def _let_truth_follow(self) -> None:
-        """Say up to which tick every message is in the bag: before the last logged tick, and before any on its way."""
-        on_their_way = [tick for tick, _ in self._places.values()]
-        complete = min([self._logged, *on_their_way]) - 1
-        self._bag().placed_until(nanoseconds(complete, self.plan.graph.ticks_per_second))
 
     def _on_leave(self, content: Any, sequence: int) -> None:
         self._leave_notes[content["node"]] = content

@@ -95,6 +95,7 @@ class RunNode:
         """A counting publisher of this node."""
         there = [name for name in listeners if self.plan.surely_there(name)]
         publisher = Publisher(self.ros_node, kind, topic, there, foreign, latched, qos)
+        publisher.on_sent = self._spinner.sent
         self._publishers.append(publisher)
         return publisher
 
@@ -104,7 +105,6 @@ class RunNode:
         topic: str,
         callback: Callback,
         *,
-        raw: bool = False,
         latched: bool = False,
         shared: bool = False,
         foreign: bool = False,
@@ -117,7 +117,6 @@ class RunNode:
             kind,
             topic,
             callback,
-            raw=raw,
             latched=latched,
             shared=shared,
             foreign=foreign,
@@ -136,12 +135,12 @@ class RunNode:
         """A subscription to notes of this run; what else comes on the topic is counted and ignored."""
         return self.subscription(String, topic, callback, latched=latched, shared=shared, read=self._read)
 
-    def note(self, content: Any) -> String:
+    def note(self, content: Any) -> bytes:
         """A note of this run."""
         return write_note(content, self.plan.run_id)
 
-    def _read(self, message: String) -> Any:
-        return read_note(message, self.plan.run_id)
+    def _read(self, data: bytes) -> Any:
+        return read_note(data, self.plan.run_id)
 
     def _hear_as_all_do(self, topic: str, callback: Callback) -> None:
         """Hear what the coordinator tells everybody; the nodes of a process share one subscription."""

@@ -11,11 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.impl.logging_severity import LoggingSeverity
-from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, Header
 
+from etac_ros.bag.codec import decode, encode_truth
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode, decode_window, encode, encode_truth, encode_window, message_type
+from etac_ros.engines.ros.messages import decode_window, encode, encode_window, message_type
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.engines.ros.wall_time import Tie
@@ -170,11 +170,9 @@ class TimedNode(RunNode):
         if content["nodes"].get(self.name) == self._incarnation:
             super()._on_start(content["start"], sequence)
 
-    def _listen(self, link: Link, callback: Any, raw: bool) -> Subscription:
+    def _listen(self, link: Link, callback: Any) -> Subscription:
         foreign = link.sender in self.plan.graph.external
-        subscription = self.subscription(
-            message_type(link.wire), link.topic, callback, raw=raw, foreign=foreign, qos=link.qos
-        )
+        subscription = self.subscription(message_type(link.wire), link.topic, callback, foreign=foreign, qos=link.qos)
         if foreign:
             self._foreign_ends.append(subscription)
         return subscription
@@ -216,15 +214,13 @@ class WallNode(TimedNode):
         """Go through what every message costs, before tick 0: the first time takes several times as long."""
         graph = self.plan.graph
         for link in (*graph.sends[self.name], *graph.hears[self.name]):
-            kind = message_type(link.wire)
             for _ in range(_ROUNDS):
-                data = serialize_message(encode(link.wire, np.zeros(link.wire.size), 0))
-                decode(deserialize_message(data, kind))
+                decode(link.wire.type_name, encode(link.wire, np.zeros(link.wire.size), 0))
 
     def rehearse(self) -> None:
         """Go through what sending costs once more: after a sleep nothing of it is at hand."""
         for link in self.plan.graph.sends[self.name]:
-            serialize_message(encode(link.wire, np.zeros(link.wire.size), 0))
+            encode(link.wire, np.zeros(link.wire.size), 0)
         if not self._diagnostics.get_subscription_count():
             self._diagnostics.publish(_NOTHING)  # heard by nobody, but the same way through DDS
 
@@ -280,11 +276,11 @@ class WallNode(TimedNode):
         self._ledger.drain(1.0)
 
     def _hear(self, link: Link) -> Subscription:
-        def on_message(message: Any, sequence: int) -> None:
+        def on_message(data: bytes, sequence: int) -> None:
             sent = subscription.source_ns - self._tie.ahead_ns
-            self._take(link, sequence, decode(message), sent, time.monotonic_ns())
+            self._take(link, sequence, decode(link.wire.type_name, data), sent, time.monotonic_ns())
 
-        subscription = self._listen(link, on_message, raw=False)
+        subscription = self._listen(link, on_message)
         return subscription
 
     def _take(self, link: Link, sequence: int, value: FloatArray, sent_ns: int, now_ns: int) -> None:
@@ -351,9 +347,9 @@ class WallModuleNode(WallNode):
         self.worker.on_message(link, sequence, value, sent_ns, now_ns)
 
     def _see(self, plant: str) -> None:
-        def on_window(message: Any, sequence: int) -> None:
+        def on_window(data: bytes, sequence: int) -> None:
             if self.stop is None:
-                window, _ = decode_window(message, plant)
+                window, _ = decode_window(data, plant)
                 self.worker.on_window(window, time.monotonic_ns())
 
         foreign = plant in self.plan.graph.external

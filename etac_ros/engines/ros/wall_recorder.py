@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
+from etac_ros.bag.codec import decode_truth, encode_truth
 from etac_ros.engines.ros.endpoints import Count, Spinner, Subscription
-from etac_ros.engines.ros.messages import decode_truth, decode_window, encode_truth
+from etac_ros.engines.ros.messages import decode_window
 from etac_ros.engines.ros.plan import RECORDER, Plan
 from etac_ros.engines.ros.recorder import Sink, recorded_note
 from etac_ros.engines.ros.wall_node import TimedNode
@@ -108,31 +108,31 @@ class WallRecorderNode(TimedNode):
         def on_message(data: bytes, sequence: int) -> None:
             self._write(link.topic, data, end.received_ns, end.source_ns, sequence)
 
-        end = self._received[link.topic] = self._listen(link, on_message, raw=True)
+        end = self._received[link.topic] = self._listen(link, on_message)
 
     def _record_as_it_is(self, topic: str) -> None:
         def on_message(data: bytes, sequence: int) -> None:
             self._write(topic, data, end.received_ns, end.source_ns, sequence)
 
-        end = self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        end = self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _record_truth(self, plant: str) -> None:
         topic = truth_topic(plant)
 
         def on_message(data: bytes, sequence: int) -> None:
-            first, samples = decode_truth(deserialize_message(data, Float64MultiArray))
+            first, samples = decode_truth(data)
             assert self.wall is not None
             published = self.wall.instant_ns(first + samples.shape[0] - 1)
             self._write(topic, data, end.received_ns, published, sequence)
 
-        end = self._received[topic] = self.subscription(Float64MultiArray, topic, on_message, raw=True)
+        end = self._received[topic] = self.subscription(Float64MultiArray, topic, on_message)
 
     def _assemble(self, plant: str) -> None:
         """A foreign plant publishes windows only: what a later one does not replace is final."""
         assembled = self._assembled[plant] = _Assembled()
 
-        def on_message(message: Any, sequence: int) -> None:
-            window, _ = decode_window(message, plant)
+        def on_message(data: bytes, sequence: int) -> None:
+            window, _ = decode_window(data, plant)
             self._write_assembled(plant, assembled.take(window))
 
         end = self.subscription(Float64MultiArray, window_topic(plant), on_message, foreign=True)
@@ -147,7 +147,7 @@ class WallRecorderNode(TimedNode):
             published = self.wall.instant_ns(first + offset + rows.shape[0] - 1)
             topic = truth_topic(plant)
             number = self._written.setdefault(topic, Count()).messages + 1
-            cdr = bytes(serialize_message(encode_truth(first + offset, rows)))
+            cdr = encode_truth(first + offset, rows)
             self._write(topic, cdr, published, published, number)
 
     def _write(self, topic: str, data: bytes, log_ns: int, published_ns: int, sequence: int) -> None:

@@ -38,11 +38,12 @@ def decimated(times_s: FloatArray, values: FloatArray, columns: int) -> tuple[Fl
     place = np.repeat(np.arange(starts.size), np.diff(starts, append=values.size))
     lows, highs = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     ends = np.append(starts[1:], values.size) - 1
-    kept = [starts, _first_of_each(values == lows[place], place), _first_of_each(values == highs[place], place), ends]
+    kept = [starts, first_of_each(values == lows[place], place), first_of_each(values == highs[place], place), ends]
     chosen = np.unique(np.concatenate(kept))
     return times_s[chosen], values[chosen]
 
 
-def _first_of_each(marked: npt.NDArray[np.bool_], place: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+def first_of_each(marked: npt.NDArray[np.bool_], place: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+    """Row of the first mark in each group; ``place`` is the number of the group of each row, ascending."""
     found = np.flatnonzero(marked)
     return found[np.unique(place[found], return_index=True)[1]]

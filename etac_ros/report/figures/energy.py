@@ -66,11 +66,13 @@ def _lines(view: View, theme: Theme) -> list[_Line]:
 
 def _draw(view: View, figure: Figure, theme: Theme) -> None:
     lines = _lines(view, theme)
+    of_torque = all(one.of_torque for run in view.runs for one in run.summary.performance.values())
     for panel in panels.panel_grid(figure, ("",), view):
         spent = [_since(line.curve, panel) for line in lines]
         totals = [total for curve in spent if (total := float(curve.values[-1, 0])) > 0.0]
         far_apart = bool(totals) and max(totals) > _LOG_FROM * min(totals)
-        factor, unit = (1.0, _UNIT) if far_apart else prefixed(_UNIT, max(totals, default=0.0))
+        plain = far_apart or not of_torque
+        factor, unit = (1.0, _UNIT) if plain else prefixed(_UNIT, max(totals, default=0.0))
         for number, (line, curve) in enumerate(zip(lines, spent, strict=True)):
             points = decimated(curve.times_s, factor * curve.values[:, 0], BUCKETS)
             panel.axes.plot(*points, **{**line.style, "zorder": 2.2 + 0.01 * number})
@@ -79,17 +81,19 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
         else:
             panel.axes.set_ylim(bottom=0.0)
         since = f" since {panel.start_s:g} s" if panel.start_s > 0.0 else ""
-        panel.axes.set_ylabel(f"energy{since} [{unit}]")
+        panel.axes.set_ylabel(f"energy{since} [{unit}]" if of_torque else f"input², integrated{since}")
     panels.key(figure, [line.name for line in lines], [line.style for line in lines])
 
 
 def _caption(view: View) -> str:
     plants = view.run.graph.plants
     ends = [
-        f"{figures.energy_n2m2s:.4g} {_UNIT}" + (f" ({plant})" if len(plants) > 1 else "")
+        f"{figures.energy_n2m2s:.4g}{f' {_UNIT}' if figures.of_torque else ''}"
+        + (f" ({plant})" if len(plants) > 1 else "")
         for plant, figures in view.run.summary.performance.items()
     ]
-    text = f"Integral of the square of the held torque, {', '.join(ends)} in all in this run."
+    held = "torque" if all(one.of_torque for one in view.run.summary.performance.values()) else "input"
+    text = f"Integral of the square of the held {held}, {', '.join(ends)} in all in this run."
     if view.overlaid and len(plants) > 1:
         text += " The curves are of all plants together."
     if view.cut_s is not None:

@@ -19,8 +19,7 @@ from etac_ros.report.view import View
 
 
 def _curve(run: ReportedRun, plant: str, column: int) -> Curve:
-    first, states = run.recording.samples(plant)
-    ticks = np.arange(first, first + states.shape[0], dtype=np.int64)
+    ticks, states = run.recording.kept(plant)
     return Curve(np.asarray(seconds(ticks, run.graph.ticks_per_second)), states[:, column : column + 1])
 
 

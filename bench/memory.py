@@ -1,0 +1,247 @@
+"""How much memory a run takes: the whole graph, and each of its processes; and whether a long one takes more.
+
+    ./scripts/bench memory                                  # five scenarios: over DDS, spread two ways, and in process
+    ./scripts/bench memory --scenarios wu2018
+    ./scripts/bench memory --growth 1000000                 # wu2018 that long: does any process grow?
+    ./scripts/bench memory --write docs/performance_memory.md
+
+Memory is PSS, the proportional set size of ``/proc/PID/smaps_rollup``: a page that several processes share counts
+among them in equal parts, so the sum over all processes is what the graph takes of the machine. (The sum of their
+resident sizes counts what they were forked with once a process.) Each run starts from a Python of its own, the
+launcher, which is part of the graph and of the sum.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import track
+
+from etac_ros import __version__
+from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
+from etac_ros.runs import RosOptions, run_in_process, run_over_ros
+from etac_ros.scenario.load import load
+from etac_ros.tables.markdown import markdown_lines
+from etac_ros.tables.table import Row, Table
+from etac_ros.tables.terminal import make_console, show
+
+SCENARIOS = "wu2018,qi2022,flexible,shi2022,xie2021"
+IN_PROCESS = "in process"
+SPREADS = ("node", "namespace", IN_PROCESS)
+LAUNCHER = "launcher"
+_THIRDS = 3
+_LOOK_EVERY_S = 0.2
+
+
+def pss_mib(pid: int) -> float:
+    """Proportional set size of a process [MiB]."""
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
+            return int(line.split()[1]) / 1024.0
+    raise ValueError(f"process {pid} says nothing of its memory")
+
+
+@dataclass
+class Watch:
+    """Memory of each process of a run at its latest, and in each third of the run at its largest."""
+
+    end_tick: int
+    pids: dict[str, int] = field(default_factory=lambda: {LAUNCHER: os.getpid()})
+    latest: dict[str, float] = field(default_factory=dict)
+    thirds: list[dict[str, float]] = field(default_factory=lambda: [{} for _ in range(_THIRDS)])
+    looked: float = 0.0
+
+    @contextmanager
+    def beside(self) -> Iterator[None]:
+        """Looks at this process alone while it works, and takes its thirds for those of the run."""
+        seen: list[float] = []
+        over = threading.Event()
+
+        def look() -> None:
+            while not over.wait(_LOOK_EVERY_S):
+                seen.append(pss_mib(os.getpid()))
+
+        looker = threading.Thread(target=look, daemon=True)
+        looker.start()
+        try:
+            yield
+        finally:
+            over.set()
+            looker.join()
+        for number, one in enumerate(seen):
+            third = self.thirds[_THIRDS * number // len(seen)]
+            third[LAUNCHER] = max(third.get(LAUNCHER, 0.0), one)
+        self.latest = {LAUNCHER: seen[-1] if seen else pss_mib(os.getpid())}
+
+    def on_start(self, pids: dict[str, int]) -> None:
+        # Nodes that share a process stand together.
+        by_pid: dict[int, list[str]] = {}
+        for name, pid in pids.items():
+            if name != COORDINATOR or pid not in by_pid:
+                by_pid.setdefault(pid, []).append(name)
+        self.pids |= {", ".join(names): pid for pid, names in by_pid.items()}
+
+    def on_progress(self, tick: int, fired: object = None) -> None:
+        now = time.monotonic()
+        if now - self.looked < _LOOK_EVERY_S and self.latest:
+            return
+        self.looked = now
+        try:
+            found = {name: pss_mib(pid) for name, pid in self.pids.items()}
+        except OSError:
+            return  # somebody has left: the run is over
+        self.latest = found
+        third = self.thirds[min(_THIRDS - 1, _THIRDS * tick // max(1, self.end_tick))]
+        for name, value in found.items():
+            third[name] = max(third.get(name, 0.0), value)
+
+
+def measured(scenario: str, spread: str, overrides: list[str]) -> dict[str, Any]:
+    """What one run takes, run from this process."""
+    what = load(scenario, None, ["baseline=null", *overrides])
+    watch = Watch(what.graph.end_tick)
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(dir=os.environ.get("ETAC_BENCH_FOLDER")) as folder:
+        bag = Path(folder, "bag")
+        if spread == IN_PROCESS:
+            with watch.beside():
+                run = run_in_process(what, bag)
+        else:
+            run = run_over_ros(what, bag, RosOptions(spread), watch.on_progress, watch.on_start)
+        size = sum(path.stat().st_size for path in bag.glob("*.mcap"))
+    peaks = Path("/proc/self/status").read_text()
+    (peak,) = (line.split()[1] for line in peaks.splitlines() if line.startswith("VmHWM"))
+    return {
+        "latest": watch.latest or {LAUNCHER: pss_mib(os.getpid())},
+        "thirds": watch.thirds,
+        "after": pss_mib(os.getpid()),
+        "peak": int(peak) / 1024.0,
+        "bag_mib": size / 2**20,
+        "wall_s": time.perf_counter() - began,
+        "loop_s": run.summary.timing.loop_s,
+        "messages": sum(topic.messages for topic in run.summary.topics.values()),
+    }
+
+
+def from_fresh_process(scenario: str, spread: str, overrides: list[str] = []) -> dict[str, Any]:  # noqa: B006
+    """The same from a Python of its own, which holds nothing of an earlier run."""
+    command = [sys.executable, __file__, "--alone", json.dumps([scenario, spread, overrides])]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def part_of(name: str) -> str:
+    """What kind of process this is, for the table: of formations the largest of each kind is shown."""
+    last = [node.rpartition("/")[2] for node in name.split(", ")]
+    return last[0] if len(last) == 1 else "namespace"
+
+
+def header() -> str:
+    """Machine and versions."""
+    import mcap
+    import numba
+    import numpy
+
+    return (
+        f"etac_ros {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}, numba "
+        f"{numba.__version__}, mcap {mcap.__version__}, {platform.system()} {platform.release()}, {os.cpu_count()} "
+        "cores"
+    )
+
+
+def table_of_runs(found: Mapping[tuple[str, str], Mapping[str, Any]]) -> Table:
+    """The graph in total, and its processes."""
+    rows = []
+    for (scenario, spread), one in found.items():
+        of_nodes = {name: value for name, value in one["latest"].items() if name != LAUNCHER}
+        nodes = [value for name, value in of_nodes.items() if name != RECORDER]
+        rows.append(
+            Row(
+                (
+                    scenario,
+                    spread if spread == IN_PROCESS else f"a process a {spread}",
+                    str(len(one["latest"])),
+                    f"{sum(one['latest'].values()):.0f}",
+                    f"{one['latest'][LAUNCHER]:.0f}",
+                    f"{min(nodes):.0f} to {max(nodes):.0f}" if nodes else "",
+                    f"{of_nodes[RECORDER]:.0f}" if RECORDER in of_nodes else "",
+                    f"{one['peak']:.0f}",
+                )
+            )
+        )
+    heads = ("scenario", "run", "processes", "in total", "launcher", "a node", "recorder", "launcher's peak")
+    return Table("memory (PSS) while the run lasts [MiB]", heads, tuple(rows), texts=frozenset({"run"}))
+
+
+def table_of_growth(title: str, found: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Every process in each third of a long run."""
+    rows = []
+    for spread, one in found.items():
+        for name in one["latest"]:
+            largest = [third.get(name) for third in one["thirds"]]
+            rows.append(Row((spread, name, *("" if value is None else f"{value:.1f}" for value in largest))))
+        rows.append(Row((spread, "launcher, summary made", "", "", f"{one['after']:.1f}"), ends=True))
+    heads = ("run", "process", "first third", "second", "last")
+    return Table(title, heads, tuple(rows), texts=frozenset({"process"}))
+
+
+def main(
+    scenarios: Annotated[str, typer.Option(help="Which, with commas.")] = SCENARIOS,
+    spreads: Annotated[str, typer.Option(help="node, namespace, one, 'in process'; with commas.")] = ",".join(SPREADS),
+    growth: Annotated[float, typer.Option(help="Run wu2018 for so many simulated seconds instead; 0: do not.")] = 0.0,
+    override: Annotated[list[str], typer.Option("--set", help="As of etac run.")] = [],  # noqa: B006
+    write: Annotated[Path | None, typer.Option(help="Where the tables go, as Markdown.")] = None,
+    alone: Annotated[str, typer.Option(hidden=True)] = "",
+) -> None:
+    """Measure and print."""
+    if alone:
+        scenario, spread, overrides = json.loads(alone)
+        print(json.dumps(measured(scenario, spread, overrides)))
+        return
+    console = make_console()
+    if growth:
+        some = {
+            spread: from_fresh_process("wu2018", spread, [f"duration_s={growth}", *override])
+            for spread in track(spreads.split(","), "measuring", console=console, transient=True)
+        }
+        title = f"wu2018, {growth:,.0f} simulated seconds: memory (PSS) of each process [MiB], largest of each third"
+        table = table_of_growth(title, some)
+        notes = [
+            f"{spread}: bag {one['bag_mib']:,.0f} MiB, loop {one['loop_s']:.1f} s, in all {one['wall_s']:.1f} s, "
+            f"{one['messages']:,} messages, launcher's peak of resident memory {one['peak']:.0f} MiB"
+            for spread, one in some.items()
+        ]
+    else:
+        wanted = [(scenario, spread) for scenario in scenarios.split(",") for spread in spreads.split(",")]
+        one_each = {
+            (scenario, spread): from_fresh_process(scenario, spread, override)
+            for scenario, spread in track(wanted, "measuring", console=console, transient=True)
+        }
+        table, notes = table_of_runs(one_each), []
+    console.print(f"\n{header()}")
+    show(table, console)
+    for note in notes:
+        console.print(note, soft_wrap=True)
+    if write is not None:
+        write.write_text(
+            "\n\n".join([f"*{header()}*", f"{table.title}:", "\n".join(markdown_lines(table)), *notes]) + "\n",
+            encoding="utf-8",
+        )
+
+
+if __name__ == "__main__":
+    typer.run(main)
