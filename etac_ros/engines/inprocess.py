@@ -146,11 +146,11 @@ class InProcess:
         if plant.halt:
             return Report(halt=plant.halt)
         acting = self._acting.get(name)
-        stop = None if acting is None else acting.module.stop()
-        if acting is not None and stop is None:  # it cannot tell just now, and asking again costs little
-            window = plant.open(min(length, self._untold))
+        if acting is None:
+            window = plant.open(length)
         else:
-            window = plant.open(length, stop)
+            stop = acting.module.stop()  # where it cannot tell just now, asking again soon costs little
+            window = plant.open(min(length, self._untold)) if stop is None else plant.open(length, stop)
         for reader in self._graph.readers[name]:
             self._drivers[reader].see(window)
         return _OPENED if len(window.samples) == length else Report(last=window.last)
