@@ -120,8 +120,17 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
+    first_ticks(scenario)()
+
+
+def first_ticks(scenario: Scenario) -> Callable[[], None]:
+    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    def run() -> None:
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+
+    return run
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -392,6 +401,26 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+    """What runs a graph of a scenario by calls, with the windows that suit calls.
+
+    Parameters
+    ----------
+    scenario
+        What is run.
+    graph
+        Built from it, and not used yet.
+    pace
+        Simulated seconds a second at most; None lets it run.
+    """
+    asked = windows_of(scenario)
+    # A window costs no message here, so a long one only computes more samples that are then dropped.
+    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
+    windows = short_windows(windows, pace, graph.ticks_per_second)
+    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
+    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+
+
 def _simulated(
     scenario: Scenario,
     graph: Graph,
@@ -401,12 +430,7 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
-    asked = windows_of(scenario)
-    # A window costs no message here, so a long one only computes more samples that are then dropped.
-    windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
-    windows = short_windows(windows, pace, graph.ticks_per_second)
-    wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    engine = InProcess(graph, windows, before=wait, trimmed=True)
+    engine = engine_by_calls(scenario, graph, pace)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -679,6 +703,7 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
+        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
@@ -710,6 +735,8 @@ def run_over_ros(
                 outcome = launcher.run()
             except BaseException:
                 make_readable(bag)
+                if wall is not None and not any(bag.glob("*.mcap")):
+                    print("etac: the run ended before anything was recorded; there is no bag", file=sys.stderr)
                 raise
             assert outcome is not None  # this part keeps time
             outlet.hand_on()

@@ -113,7 +113,8 @@ def silent(patch: pytest.MonkeyPatch, name: str, *overrides: str, variant: str |
         one.spinner.once(0.05)
     node: Any = one.nodes[name]
     for subscription in node._subscriptions:
-        patch.setattr(subscription, "take", lambda s=subscription: s.handle.waiting.clear())
+        for taking in ("take", "take_one"):
+            patch.setattr(subscription, taking, lambda s=subscription: bool(s.handle.waiting.clear()))
     one.spin()
     return one
 

@@ -81,7 +81,7 @@ def test_what_rcl_makes_of_it(tmp_path: Path) -> None:
 def test_our_own_options() -> None:
     assert own_options("sensor", []) == OwnOptions()
     given = ["--bag", "b", "--clock", "wall", "--rate", "20", "--live", "--live-port", "1234"]
-    assert own_options("recorder", given) == OwnOptions(Path("b"), "wall", 20.0, True, 1234)
+    assert own_options("recorder", given) == OwnOptions(Path("b"), "wall", 20.0, live=True, live_port=1234)
 
 
 @pytest.mark.parametrize(

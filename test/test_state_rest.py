@@ -32,7 +32,7 @@ def test_what_waited_to_be_written_is_made_of_the_samples(
     name: str, variant: str | None, duration_s: int, tmp_path: Path
 ) -> None:
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    scenario = load(name, variant, [f"duration_s={duration_s}", "state_rate_hz=50"])
+    scenario = load(name, variant, [f"duration_s={duration_s}", f"state_rate_hz={50 / duration_s}"])
     for directory in (whole, cut):
         run_in_process(scenario, directory)
     expected, end = state_of(whole)

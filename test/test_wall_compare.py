@@ -15,6 +15,7 @@ from wall_network import WallNetwork
 
 from etac_ros.cli.compare_clocks import clocks_table, compare_clocks
 from etac_ros.cli.main import app
+from etac_ros.cli.nodes import OwnOptions, own_options
 from etac_ros.engines.ros.wall_time import Tie, check_priority
 from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
@@ -107,6 +108,28 @@ def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypat
     with pytest.raises(ScenarioError, match=r"--priority 10: is not allowed to this user\n.*\n.*rtprio"):
         check_priority(10)
     assert os.sched_getscheduler(0) == before
+
+
+def test_executables_take_the_options_of_etac_node() -> None:
+    assert own_options("sensor", ["--clock", "wall", "--rate", "20"]) == OwnOptions(clock="wall", rate=20.0)
+    assert own_options("sensor", []) == OwnOptions()
+    assert own_options("sensor", ["--peers", "10.0.0.2", "--interface", "eth0"]) == OwnOptions(
+        peers="10.0.0.2", interface="eth0"
+    )
+    urgent = ["--strict", "--clock", "wall", "--priority", "10"]
+    assert own_options("sensor", urgent) == OwnOptions(clock="wall", strict=True, priority=10)
+    for wrong, said in (
+        (["--clock"], "expected one argument"),
+        (["--clock", "sundial"], "invalid choice: 'sundial'"),
+        (["--strict"], "--strict: is for --clock wall"),
+        (["--priority", "3"], "--priority: is for --clock wall"),
+        (["--clock", "wall", "--rate", "fast"], "invalid float value: 'fast'"),
+        (["--clock", "wall", "--priority", "1.5"], "invalid int value: '1.5'"),
+        (["--peers"], "expected one argument"),
+        (["--pears", "x"], "is not understood"),
+    ):
+        with pytest.raises(ScenarioError, match=said):
+            own_options("sensor", wrong)
 
 
 def test_the_two_clocks_of_a_machine_are_tied_closely() -> None:

@@ -12,6 +12,7 @@ from etac_ros.bag.description import DESCRIPTION_ATTACHMENT, from_json
 from etac_ros.bag.read import Bag, read_bag
 from etac_ros.bag.topics import TopicDescription, TopicKind
 from etac_ros.errors import BagError
+from etac_ros.graph.topics import node_of_ledger
 from etac_ros.graph.wire import bytes_a_component
 
 
@@ -97,6 +98,11 @@ def describe(directory: Path) -> BagDescription:
                 raise BagError(where, f"message {message.sequence}: {error}") from None
             payload[message.topic] += bytes_a_component(message.topic.type_name) * size
     receivers = _receivers(bag)
+    # Ledgers have no simulated time: a node hands over its last one when the run is over, however much later that is.
+    times = {
+        topic: (None, None) if node_of_ledger(topic.name) is not None else (count.first_ns, count.last_ns)
+        for topic, count in bag.topics.items()
+    }
     rows = tuple(
         TopicRow(
             topic.name,
@@ -105,14 +111,14 @@ def describe(directory: Path) -> BagDescription:
             count.messages,
             payload[topic],
             count.cdr_bytes,
-            None if count.first_ns is None else count.first_ns / NANOSECONDS,
-            None if count.last_ns is None else count.last_ns / NANOSECONDS,
+            _seconds(times[topic][0]),
+            _seconds(times[topic][1]),
             receivers.get(topic.link or ""),
         )
         for topic, count in bag.topics.items()
     )
-    starts = [count.first_ns for count in bag.topics.values() if count.first_ns is not None]
-    ends = [count.last_ns for count in bag.topics.values() if count.last_ns is not None]
+    starts = [first for first, _ in times.values() if first is not None]
+    ends = [last for _, last in times.values() if last is not None]
     return BagDescription(
         directory,
         rows,
@@ -124,6 +130,10 @@ def describe(directory: Path) -> BagDescription:
         {name: len(data) for name, data in bag.attachments.items()},
         bag.path.stat().st_size,
     )
+
+
+def _seconds(time_ns: int | None) -> float | None:
+    return None if time_ns is None else time_ns / NANOSECONDS
 
 
 def _receivers(bag: Bag) -> dict[str, int]:

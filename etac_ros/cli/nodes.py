@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,6 +154,10 @@ def play(
     except EtacError as error:
         print(f"{name}: {error}", file=sys.stderr)
         leave_process(1 if host.ended_by is None else 128 + host.ended_by)
+    except BaseException:
+        # Not by way of Python's own end: there Fast DDS was seen to hang, with signals that nobody hears any more.
+        traceback.print_exc()
+        leave_process(1)
     leave_process(0)
 
 
@@ -253,6 +258,10 @@ _USAGE = """\
   --live [--live-port PORT]  for the recorder: show the run to Foxglove
   --clock wall         real time, with --rate R simulated seconds a second; the same for all nodes of a run
   --rate R             in simulated time, for the node that keeps it: so fast at most
+  --strict             with --clock wall: end at the first missed tick of this node
+  --priority N         with --clock wall: real-time priority of this process (SCHED_FIFO), 1 to 99
+  --peers A,B, --interface I
+                       other machines of the run, and by which address this one takes part
 
   The domain is ROS_DOMAIN_ID."""
 
@@ -264,12 +273,16 @@ class OwnOptions:
     bag: Path | None = None
     clock: str = "sim"
     rate: float | None = None
+    strict: bool = False
+    priority: int = 0
+    peers: str | None = None
+    interface: str | None = None
     live: bool = False
     live_port: int | None = None
 
 
 def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
-    """The options of ours on a ROS command line.
+    """The options of ours on a ROS command line, the same as those of ``etac node``.
 
     Parameters
     ----------
@@ -283,19 +296,31 @@ def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
     ScenarioError
         If one is unknown, or has no value or a wrong one.
     """
-    parser = _Parser(prog=executable, add_help=False, allow_abbrev=False)
-    parser.add_argument("--bag", type=Path)
-    parser.add_argument("--clock", choices=("sim", "wall"), default="sim")
-    parser.add_argument("--rate", type=float)
-    parser.add_argument("--live", action="store_true")
-    parser.add_argument("--live-port", type=int)
-    found, unknown = parser.parse_known_args(arguments)
+    found, unknown = _parser(executable).parse_known_args(arguments)
     if unknown:
         where = f"{executable} {' '.join(unknown)}"
         raise ScenarioError(where, "is not understood", "what --help says", "options of ROS stand behind --ros-args")
     if found.live_port is not None and not found.live:
         raise ScenarioError(f"{executable} --live-port", "is for --live", "", "add --live")
+    if found.clock == "sim":
+        for option, given in (("--strict", found.strict), ("--priority", found.priority)):
+            if given:
+                raise ScenarioError(f"{executable} {option}", "is for --clock wall", "", "add --clock wall")
     return OwnOptions(**vars(found))
+
+
+def _parser(executable: str) -> _Parser:
+    parser = _Parser(prog=executable, add_help=False, allow_abbrev=False)
+    parser.add_argument("--bag", type=Path)
+    parser.add_argument("--clock", choices=("sim", "wall"), default="sim")
+    parser.add_argument("--rate", type=float)
+    parser.add_argument("--strict", action="store_true")
+    parser.add_argument("--priority", type=int, default=0)
+    parser.add_argument("--peers")
+    parser.add_argument("--interface")
+    parser.add_argument("--live", action="store_true")
+    parser.add_argument("--live-port", type=int)
+    return parser
 
 
 class _Parser(argparse.ArgumentParser):
@@ -322,7 +347,9 @@ def play_by_arguments(executable: str, arguments: Sequence[str]) -> NoReturn:
     EtacError
         As :func:`play` does.
     """
-    domain = join_domain()
+    # Which machines take part decides how DDS behaves, so it has to be known before rclpy reads the rest.
+    first, _ = _parser(executable).parse_known_args(arguments)
+    domain = join_domain(first.peers, first.interface)
     from etac_ros.bag.live import PORT
     from etac_ros.engines.ros.arguments import RosArguments
 
@@ -339,6 +366,8 @@ def play_by_arguments(executable: str, arguments: Sequence[str]) -> NoReturn:
         domain,
         own.bag,
         rate=(1.0 if own.rate is None else own.rate) if wall else None,
+        strict=own.strict,
+        priority=own.priority,
         pace=None if wall else own.rate,
         live=(PORT if own.live_port is None else own.live_port) if own.live else None,
         ros_args=given.passed_on,

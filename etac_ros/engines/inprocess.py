@@ -27,12 +27,13 @@ class InProcess:
     windows
         How far plants compute ahead.
     trace
-        Called with every order and its report; for tests and for teaching.
+        Called with every order and its report; for tests and for teaching. An attribute, too.
     before
         Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
         attribute, too.
     trimmed
-        Let windows end where their only reader acts, if plant and reader can tell beforehand. No bit depends on it.
+        Let windows end where their only reader acts, if plant and reader can tell beforehand: how long they are else.
+        No bit depends on it. None leaves all windows to ``windows``.
     """
 
     def __init__(
@@ -41,22 +42,23 @@ class InProcess:
         windows: WindowPolicy = USUAL_WINDOWS,
         trace: Callable[[Order, Report], None] | None = None,
         before: Callable[[int], None] | None = None,
-        trimmed: bool = False,
+        trimmed: int | None = None,
     ) -> None:
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._plants = {name: _plant(graph, name) for name in graph.plants}
         # By plant: whose next act its windows end with.
         self._acting: dict[str, Driver] = {}
-        for name, plant in self._plants.items() if trimmed else ():
+        for name, plant in self._plants.items() if trimmed is not None else ():
             readers = graph.readers[name]
             if len(readers) == 1 and graph.modules[readers[0]].stops and plant.can_stop:
                 self._acting[name] = self._drivers[readers[0]]
-        self.master = TimeMaster(graph, windows, frozenset(self._acting), with_history=False)
+        self_ending = {} if trimmed is None else dict.fromkeys(self._acting, trimmed)
+        self.master = TimeMaster(graph, windows, self_ending, with_history=False)
         self._truth = {name: Spool() for name in graph.plants}
         self.recording = Recording(messages={name: [] for name in graph.links}, truth=self._truth)
         self._graph = graph
         self._untold = windows.first
-        self._trace = trace
+        self.trace = trace
         self.before = before
         self._values: dict[MessageId, FloatArray] = {}
         self._numbers = dict.fromkeys(graph.links, 0)
@@ -89,9 +91,9 @@ class InProcess:
             if self.before is not None:
                 self.before(self.master.tick)
             reports = [does[type(order)](order) for order in orders]
-            if self._trace is not None:
+            if self.trace is not None:
                 for order, report in zip(orders, reports, strict=True):
-                    self._trace(order, report)
+                    self.trace(order, report)
             try:
                 orders = batches.send(reports)
             except StopIteration:
@@ -144,11 +146,11 @@ class InProcess:
         if plant.halt:
             return Report(halt=plant.halt)
         acting = self._acting.get(name)
-        stop = None if acting is None else acting.module.stop()
-        if acting is not None and stop is None:  # it cannot tell just now, and asking again costs little
-            window = plant.open(min(length, self._untold))
+        if acting is None:
+            window = plant.open(length)
         else:
-            window = plant.open(length, stop)
+            stop = acting.module.stop()  # where it cannot tell just now, asking again soon costs little
+            window = plant.open(min(length, self._untold)) if stop is None else plant.open(length, stop)
         for reader in self._graph.readers[name]:
             self._drivers[reader].see(window)
         return _OPENED if len(window.samples) == length else Report(last=window.last)

@@ -53,7 +53,8 @@ class Driver:
 
     def see(self, window: Window) -> None:
         """Take a new window; everything before its start is committed."""
-        self._advance(window.start - 1)
+        if self.window is not None or self._spares:
+            self._advance(window.start - 1)
         # An array of its own: nobody else's samples change where a class works in place.
         self.window = Window(window.plant, window.epoch, window.start, window.samples.copy())
 
@@ -88,6 +89,8 @@ class Driver:
         if found is None:
             return None
         last = None if window is None else window.last
+        if type(found) is int and found > after and (last is None or found <= last):
+            return found
         whole = isinstance(found, int | np.integer) and not isinstance(found, bool)
         if not whole or found <= after or (last is not None and found > last):
             until = "" if last is None else f" and no later than {last}, the window's last"
@@ -98,23 +101,16 @@ class Driver:
 
     def fire(self, tick: int) -> Sent:
         """Let the module act by itself."""
-        self._replace(tick)
+        if self._spares:
+            self._replace(tick)
         sample = self._sample(tick)
         self._advance(tick)
         outputs = self._component.call("fire", tick, sample)
-        role = self.module.role
-        expected = None
-        if role.fires_on is not None:
-            expected = self._connected.intersection(role.fires_on)
-        elif role.every is not None:
-            expected = self._connected
-        return self._sent("fire", outputs, (sample,), expected)
+        return self._sent("fire", outputs, (sample,), self._fires)
 
     def conclude(self, tick: int) -> Sent:
         """Let a module conclude that fired where nothing arrives."""
-        role = self.module.role
-        expected = None if role.fires_on is None else self._connected.intersection((role.triggers,))
-        return self._received(tick, (), expected)
+        return self._received(tick, (), self._concludes)
 
     def settle(self, tick: int, port: str, acknowledged: bool) -> None:
         """Tell the module what became of what it sent on a port: it knows this before what arrives at this tick."""
@@ -124,7 +120,7 @@ class Driver:
 
     def receive(self, tick: int | None, arrivals: tuple[Arrival, ...]) -> Sent:
         """Hand over all that arrives in one step."""
-        return self._received(tick, arrivals, self._connected if self.module.answers else None)
+        return self._received(tick, arrivals, self._answers)
 
     def _received(self, tick: int | None, arrivals: tuple[Arrival, ...], expected: set[str] | None) -> Sent:
         sizes = self.module.inputs
@@ -135,7 +131,7 @@ class Driver:
         own = tuple([Arrival(port, link, value.copy()) for port, link, value in arrivals])
         given = [arrival.value for arrival in arrivals]
         sample = None
-        if tick is not None:
+        if tick is not None and self._spares:
             self._replace(tick)
         if tick is not None and self.window is not None:
             sample = self._sample(tick)
@@ -151,11 +147,20 @@ class Driver:
             self._take_ports()
 
     def _take_ports(self) -> None:
+        """Note what the module's ports and its role say: it is asked for with every message."""
+        role = self.module.role
         self._wires = {port: self.module.wire(port) for port in self.module.outputs}
         self._sizes = {port: (size,) for port, size in self.module.outputs.items()}
+        self._fires: set[str] | None = self._connected if role.every is not None else None
+        self._concludes: set[str] | None = None
+        if role.fires_on is not None:
+            self._fires = self._connected.intersection(role.fires_on)
+            self._concludes = self._connected.intersection((role.triggers,))
+        self._answers = self._connected if self.module.answers else None
 
     def _advance(self, tick: int) -> None:
-        self._replace(tick)
+        if self._spares:
+            self._replace(tick)
         if self.window is not None and tick > self._advanced:
             self._component.call("advance", tick, self.window)
             self._advanced = tick
@@ -164,13 +169,14 @@ class Driver:
         window = self.window
         if window is None:
             return None
-        if not window.start <= tick <= window.last:
+        place = tick - window.start
+        if not 0 <= place < len(window.samples):
             raise ProtocolError(
                 f"node {self.name}",
                 f"is to act at tick {tick}, whose sample is not in its window of {window.plant}",
                 f"a tick from {window.start} to {window.last}",
             )
-        return window.at(tick)
+        return window.samples[place]  # type: ignore[no-any-return]
 
     def _wrong_size(self, arrival: Arrival) -> ProtocolError:
         """Refuse a message of another size; only a foreign node can send one."""
@@ -200,12 +206,14 @@ class Driver:
             )
         if not isinstance(self.module.halt, str):
             raise self._component.broken(method, f"has set halt to {shown(self.module.halt)}", "a text, or ''")
+        if not outputs and not expected:
+            return []
         rounded: dict[str, FloatArray] = {}
         for port, value in outputs.items():
-            if port not in self.module.outputs:
+            size = self._sizes.get(port)
+            if size is None:
                 ports = ", ".join(map(repr, self.module.outputs)) or "none: it has no output port"
                 raise self._component.broken(method, f"names the port {port!r}", f"one of {ports}")
-            size = self._sizes[port]
             if type(value) is not np.ndarray or value.dtype is not _FLOAT64 or value.shape != size:
                 value = self._component.array(size, f"{method}, port '{port}',", value)
             rounded[port] = on_wire = self._wires[port].rounded(value)

@@ -51,6 +51,11 @@ class HeldInputs:
 
     def total(self) -> FloatArray:
         """The input that is held now: a new array each time."""
+        if len(self._places) == 1:
+            (of_port,) = self._held.values()
+            if len(of_port) == 1:  # as mostly
+                (value,) = of_port.values()
+                return value.copy()
         total = np.zeros(self._size)
         for port, place in self._places.items():
             in_order = sorted(self._held[port].items(), key=lambda item: self._order[item[0]])

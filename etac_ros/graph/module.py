@@ -24,8 +24,7 @@ Outputs = Mapping[str, FloatArray]
 """What a module sends: a value for an output port. A port that is left out sends nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(NamedTuple):
     """Samples that a plant has computed ahead under its held input, at ticks ``start .. last``."""
 
     plant: str

@@ -66,6 +66,9 @@ def deliveries(graph: Graph, recording: Recording, link: Link, receiver: str) ->
         return _noted(graph, recording, link, receiver)
     if link.acknowledged is not None:
         return _taken(graph, recording, link, receiver)
+    if link.is_ideal:
+        sent_by = recording.messages[link.name]
+        return [Delivery(sent.tick, sent.step + 1, sent) for sent in sent_by if sent.tick < graph.end_tick]
     found = []
     way = Way(link.channel, receiver)
     landed = recording.landed_ns(link.name) if link.medium else {}

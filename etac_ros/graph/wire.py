@@ -121,4 +121,4 @@ class Wire:
         """The value as it comes off the wire: contiguous float64, rounded to what the message holds."""
         if self.format is WireFormat.COMPACT:
             return value.astype(np.float32).astype(np.float64)
-        return np.array(value, dtype=np.float64)
+        return value.astype(np.float64)

@@ -76,9 +76,10 @@ class Actuator(Module):
         self._axes = None if parameters.axes is None else vector(parameters.axes).reshape(-1, size)
         self.inputs = {"command": size}
         self.outputs = {"torque": size if self._axes is None else self._axes.shape[0]}
-        self._limit: float | FloatArray = np.inf if parameters.limit_nm is None else parameters.limit_nm
+        self._limit: FloatArray = np.full(size, np.inf if parameters.limit_nm is None else parameters.limit_nm)
         if parameters.limits is not None:
             self._limit = vector(parameters.limits)
+        self._least = -self._limit
         if parameters.time_to_live_s is not None:
             self.role = Role()
             try:
@@ -107,7 +108,7 @@ class Actuator(Module):
         return {"torque": self._torque(arrivals[-1].value)}
 
     def _torque(self, command: FloatArray) -> FloatArray:
-        torque: FloatArray = np.minimum(np.maximum(command, -self._limit), self._limit)
+        torque: FloatArray = np.minimum(np.maximum(command, self._least), self._limit)
         if self._effectiveness is not None:
             torque = self._effectiveness * torque
         if self._axes is not None:

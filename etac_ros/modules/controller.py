@@ -75,6 +75,8 @@ class Controller(Module):
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the command for the newest signal."""
+        if not self._told:
+            return {"command": self._law.vector(self._size, "command", arrivals[-1].value)}
         known: dict[str, Any] = {}
         if "tick" in self._told:
             known["tick"] = tick

@@ -128,6 +128,8 @@ class Sensor(Module):
         watched, sent = self._signals(window)
         rows = watched[offset:]
         due = self.hold.first(rows, after + 1)
+        if sent is watched and all_finite(rows):
+            return due
         # What is no number is named at its tick, if that comes to be: no sample of a window is certain.
         given = window.samples[offset:]
         broken = [first for values in (rows, sent[offset:]) if (first := first_broken(values, given)) is not None]
@@ -145,8 +147,9 @@ class Sensor(Module):
         """Keep what was watched and what would be sent at ``tick``, and the memories of filter and rule."""
         watched, sent = self._signals(window)
         index = tick - window.start
-        last = window.start - 1 if self._memory is None else max(self._memory[0], window.start - 1)
-        self.hold.advance(watched[last + 1 - window.start : index + 1], last + 1)
+        if self.hold.has_memory:
+            last = window.start - 1 if self._memory is None else max(self._memory[0], window.start - 1)
+            self.hold.advance(watched[last + 1 - window.start : index + 1], last + 1)
         self._memory = tick, watched[index].copy(), sent[index].copy()
 
     def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
@@ -194,8 +197,9 @@ class Sensor(Module):
 
     def _formed(self, method: str, size: int, states: FloatArray, tick: int) -> FloatArray:
         count = states.shape[0]
-        told = (np.arange(tick, tick + count, dtype=np.int64),) if self._component.takes(method, "ticks") else ()
-        return self._component.rows(count, size, method, states, *told)
+        if not self._component.takes(method, "ticks"):
+            return self._component.rows(count, size, method, states)
+        return self._component.rows(count, size, method, states, np.arange(tick, tick + count, dtype=np.int64))
 
     def _signals(self, window: Window) -> tuple[FloatArray, FloatArray]:
         """What the trigger watches and what would be sent, for each sample of a window that is not committed."""

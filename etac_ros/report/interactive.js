@@ -73,6 +73,10 @@
         type: "line", xref: x + " domain", yref: y, x0: 0, x1: 1, y0: level.y, y1: level.y, layer: "below",
         line: { color: colour(level.colour), width: level.size, dash: level.dash },
       });
+      for (const span of axes.spans) whole.shapes.push({
+        type: "rect", xref: x, yref: y + " domain", x0: span.x[0], x1: span.x[1], y0: 0, y1: 1, layer: "below",
+        fillcolor: span.colour, opacity: span.opacity, line: { width: 0 },
+      });
       for (const word of axes.words) whole.annotations.push({
         text: word.bold ? "<b>" + word.text + "</b>" : word.text, showarrow: false,
         xref: word.across ? x + " domain" : x, yref: y, x: word.x, y: axes.log ? Math.log10(word.y) : word.y,

@@ -16,6 +16,7 @@ import numpy as np
 
 from etac_ros.parameters import FloatArray
 from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.figures.downtime import MARK
 from etac_ros.report.figures.style import DARK, LIGHT, Theme
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
     from matplotlib.text import Text
 
 COLUMNS = 320
@@ -42,7 +44,7 @@ def spec(figure: Figure, columns: int = COLUMNS) -> dict[str, Any] | None:
     columns
         To how many pixel columns each curve is thinned out.
     """
-    if any(axes.patches or not axes.axison for axes in figure.axes):
+    if any(not axes.axison or any(patch.get_gid() != MARK for patch in axes.patches) for axes in figure.axes):
         return None
     names = _names(figure)
     return {
@@ -95,6 +97,7 @@ def _axes(axes: Axes, names: dict[tuple[str, str], str], columns: int) -> dict[s
         "ticks": ticks if named else None,
         "traces": traces,
         "levels": [_level(line) for line in axes.lines if not _is_curve(axes, line)],
+        "spans": [_span(patch) for patch in axes.patches if patch.get_gid() == MARK],
         "words": [words for text in axes.texts for words in _words(text)],
     }
 
@@ -137,6 +140,16 @@ def _strokes(collection: LineCollection) -> dict[str, Any]:
         "x": packed(points[:, 0]), "y": packed(points[:, 1]), "name": "", "key": False, "mode": "lines",
         "colour": _colour(colour), "dash": "solid", "size": _POINT, "steps": False,
     }  # fmt: skip
+
+
+def _span(patch: Patch) -> dict[str, Any]:
+    """A stretch of time that is shaded, from top to bottom."""
+    corners = patch.get_path().get_extents(patch.get_patch_transform())
+    return {
+        "x": [float(corners.x0), float(corners.x1)],
+        "colour": _colour(patch.get_facecolor()),
+        "opacity": float(patch.get_alpha() or 1.0),
+    }
 
 
 def _level(line: Line2D) -> dict[str, Any]:

@@ -201,7 +201,7 @@ def _turning(view: View) -> str:
 
 def _figure(view: View, figure: Drawn, number: int, interactive: bool) -> str:
     kind = figure.kind
-    caption = kind.caption(view)
+    caption = kind.words(view)
     place = view.shown_in(kind.name).replace(". ", ".\u00a0")  # a number stays with its "fig."
     shown = f" The {view.source} shows the same in its {place}." if place else ""
     width, height = (round(96 * inches) for inches in kind.size_in(view))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ def may_import(path: str) -> bool:
     return is_own(path) or not _own_only.get()
 
 
+@lru_cache(maxsize=1024)
 def is_own(path: str) -> bool:
     """Whether ``package.module:Class`` names a class in a file of etac_ros. Nothing is imported to find out."""
     module, colon, name = path.partition(":")

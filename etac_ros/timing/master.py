@@ -7,7 +7,8 @@ I/O at all: the in-process engine answers with calls, the ros engine with messag
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from types import MappingProxyType
 from typing import cast
 
 from etac_ros.errors import ProtocolError
@@ -43,7 +44,7 @@ class TimeMaster:
     windows
         How far plants compute ahead.
     self_ending
-        Plants whose windows end by themselves where their reader acts: they are as long as may be.
+        Plants whose windows end by themselves where their reader acts, and how long these are otherwise.
     with_history
         Keep ``done``: in one process there is nobody who could have done something else.
 
@@ -65,7 +66,7 @@ class TimeMaster:
         self,
         graph: Graph,
         windows: WindowPolicy,
-        self_ending: frozenset[str] = frozenset(),
+        self_ending: Mapping[str, int] = MappingProxyType({}),
         with_history: bool = True,
     ) -> None:
         self.tick = 0
@@ -76,6 +77,8 @@ class TimeMaster:
         self.message_log: list[Transit] = []
         self._air = UnderWay(graph) if graph.media or graph.acknowledged else None
         self._graph = graph
+        self._end = graph.end_tick
+        self._told = graph.told
         self._policy = windows
         self._longest = windows.longest
         self._self_ending = self_ending
@@ -86,6 +89,7 @@ class TimeMaster:
         self._place = {name: index for index, name in enumerate(graph.modules)}
         self._link_place = {name: index for index, name in enumerate(graph.links)}
         self._ways = {name: _ways(link) for name, link in graph.links.items()}
+        self._at_once = {name: tuple(link.receivers) for name, link in graph.links.items() if link.is_ideal}
         self._reads = {name: graph.reads.get(name, "") for name in graph.modules}
         self._triggering = {name: module.triggers for name, module in graph.modules.items()}
         self._concludes = frozenset(name for name, module in graph.modules.items() if module.concludes)
@@ -237,7 +241,7 @@ class TimeMaster:
     def _deliver(self, module: str, tick: int, step: int, bag: Sequence[MessageId | Settled]) -> Deliver:
         """The order to take what comes in one step."""
         ends: tuple[Settled, ...] = ()
-        if module in self._graph.told:
+        if module in self._told:
             ends = tuple(sorted((one for one in bag if isinstance(one, Settled)), key=self._in_order))
             if ends:
                 if self._with_history:
@@ -265,11 +269,19 @@ class TimeMaster:
             sequence = self.sent[name] = self.sent[name] + 1
             message = MessageId(name, sequence)
             self.message_log.append(Transit(name, sequence, tick, step))
+            at_once = self._at_once.get(name)
+            if at_once is not None:
+                for receiver in at_once:
+                    if receiver in arriving:
+                        arriving[receiver].append(message)
+                    else:
+                        arriving[receiver] = [message]
+                continue
             if self._air is not None and name in self._on_air:
                 self._hand_to(self._air, message, tick, arriving)
                 continue
             for receiver, way in self._ways[name]:
-                for when in (tick,) if way is None else way.arrivals(message.sequence, tick):
+                for when in (tick,) if way is None else way.arrivals(sequence, tick):
                     if when == tick:
                         arriving.setdefault(receiver, []).append(message)
                     elif when < self._graph.end_tick:
@@ -314,10 +326,11 @@ class TimeMaster:
             self._lengths[plant] = self._next_length(plant, tick)
             self._starts[plant] = tick
             self._opened[plant] = self._opened.get(plant, 0) + 1
-            end = self._graph.end_tick
+            end = self._end
             if self._last_before:
                 end = next((last for last in self._last_before if last > tick), end)
-            self._proposals[plant] = min(tick + self._lengths[plant], end)
+            until = tick + self._lengths[plant]
+            self._proposals[plant] = until if until < end else end
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
@@ -331,17 +344,14 @@ class TimeMaster:
 
     def _grant(self, module: str) -> int:
         """Last tick up to which a module may act without asking; if it has to be alone then, one tick less."""
-        earliest = self._earliest() if self._proposals else self._graph.end_tick
-        return (
-            min(earliest, self._graph.end_tick) - 1
-            if module in self._concluding
-            else min(earliest, self._graph.end_tick - 1)
-        )
+        earliest = self._earliest() if self._proposals else self._end
+        return min(earliest, self._end) - 1 if module in self._concluding else min(earliest, self._end - 1)
 
     def _propose(self, modules: Sequence[str], reports: Sequence[Report]) -> None:
         for name, report in zip(modules, reports, strict=True):
-            if report.proposal is not None:
-                self._proposals[name] = report.proposal
+            proposal = report.proposal
+            if proposal is not None:
+                self._proposals[name] = proposal
                 if report.fired:
                     self._granted[name] = report
 
@@ -349,7 +359,7 @@ class TimeMaster:
         if plant not in self._lengths:
             wanted = self._policy.first
         elif plant in self._self_ending:
-            wanted = self._longest
+            return self._self_ending[plant]
         elif self._proposals[plant] == tick:
             wanted = self._policy.after_quiet(self._lengths[plant])
         else:

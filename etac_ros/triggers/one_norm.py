@@ -34,7 +34,8 @@ def _holds(signal, held, p):  # type: ignore[no-untyped-def]
 @kernel
 def _first(signals, held, p):  # type: ignore[no-untyped-def]
     for i in range(signals.shape[0]):
-        if _holds(signals[i], held, p):
+        error, threshold = _error_and_threshold(signals[i], held, p[0], p[1])
+        if error >= threshold:
             return i
     return -1
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 from rclpy.context import Context
@@ -23,6 +24,11 @@ from etac_ros.graph.topics import CLOCK, END, FAULT, JOIN, LEAVE, SCENARIO, STAR
 
 _LAST_WORD_S = 2.0
 """How long the coordinator waits to know that its last word has been heard by nodes that nobody else would end."""
+
+
+def _shown(rate: str) -> str:
+    """A rate as it was given; notes have it as a fraction."""
+    return f"{float(Fraction(rate)):g}" if rate else "1"
 
 
 class Convener(RunNode):
@@ -182,6 +188,14 @@ class Convener(RunNode):
                 f"runs in {theirs or 'simulated'} time",
                 f"{self.plan.clock or 'simulated'} time, as the other nodes",
                 "start all nodes with the same --clock",
+            )
+        rate = "" if self.plan.wall is None else str(self.plan.wall.rate)
+        if (theirs := join.get("rate", "")) != rate:
+            raise RunError(
+                f"node {name}",
+                f"runs at --rate {_shown(theirs)}",
+                f"--rate {_shown(rate)}, as {COORDINATOR}, which keeps time",
+                "start all nodes with the same --rate",
             )
         if self._greeted.setdefault(name, join["pid"]) != join["pid"]:
             raise RunError(

@@ -118,6 +118,7 @@ class Publisher:
         self._node = node
         self._matched = False
         self._publisher = node.create_publisher(kind, topic, LATCHED if latched else profile(qos))
+        self._publish_raw = self._publisher.handle.publish_raw
         self.on_sent: Callable[[str], None] | None = None
         """Told the topic of each message that has been sent."""
 
@@ -127,7 +128,7 @@ class Publisher:
         # Counted first: a receiver may answer before this call returns.
         self.count.messages += 1
         self.count.cdr_bytes += len(serialized)
-        self._publisher.publish(serialized)
+        self._publish_raw(serialized)
         if self.on_sent is not None:
             self.on_sent(self.topic)
         return self.count.messages

@@ -31,6 +31,7 @@ from etac_ros.maths.wall_clock import WallClock
 from etac_ros.media.frame import Fate, Outcome
 
 _WAIT_S = 0.05
+_GATHER_S = 0.005
 _LOOK_S = 1.0
 _LAST_WORDS_S = 0.5
 """From the note that the run is over to the end: what was sent before has come by then."""
@@ -88,7 +89,7 @@ class RunListener:
         self._node = Node(
             f"etac_watch_{os.getpid()}", context=self._context, enable_rosout=False, start_parameter_services=False
         )
-        self._spinner = Spinner(self._context)
+        self._spinner = Spinner(self._context, _GATHER_S)
         self._told: Told | None = None
         self._fault = ""
         self._over: float | None = None

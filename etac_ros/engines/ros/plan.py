@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -89,6 +89,9 @@ class Plan:
         the coordinator alone.
     faults
         In real time: what the launcher does to processes. In simulated time the graph has them.
+    rehearse
+        In real time with a priority: what each process with a module does before it joins. It was forked from one that
+        has done it already, and owns nothing yet of what that takes: the first act would be three times as long.
     birth
         Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
@@ -110,6 +113,7 @@ class Plan:
     wall: RealTime | None = None
     pace: float | None = None
     faults: tuple[Fault, ...] = ()
+    rehearse: Callable[[], None] | None = None
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
     told: str = ""

@@ -181,6 +181,8 @@ class RunNode:
             "clock": self.plan.clock,
             "pid": os.getpid(),
         }
+        if self.plan.wall is not None:
+            words["rate"] = str(self.plan.wall.rate)
         if self.plan.birth is not None:
             words["incarnation"] = self.plan.birth.incarnation
         self._joining.publish(self.note(words))

@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.impl.logging_severity import LoggingSeverity
 from std_msgs.msg import Float64MultiArray, Header
 
 from etac_ros.bag.codec import decode, encode_truth
@@ -34,6 +36,7 @@ DIAGNOSTICS = "/diagnostics"
 """Where ROS tools expect them."""
 _NOTES_NS = NANOSECONDS // 2
 """How often a node hands its ledger to the recorder; what a killed one can lose."""
+_NOTHING = DiagnosticArray()
 _GRACE_NS = NANOSECONDS // 10
 """How long after the last tick a foreign node's answer still counts."""
 
@@ -78,8 +81,15 @@ class TimedNode(RunNode):
     def turn(self) -> None:
         """The loop has come round: do what is due."""
 
+    def rehearse(self) -> None:
+        """It is to act in a moment: have at hand what that takes."""
+
+    def tell(self) -> None:
+        """Nothing is due soon: say what there is to say."""
+
     def finish(self) -> None:
         """The process is about to end, whichever way it was told to."""
+        self.tell()
 
     def on_start(self) -> None:
         """Take over the instants of ticks."""
@@ -143,6 +153,15 @@ class TimedNode(RunNode):
         return 0 if self.plan.birth is None else self.plan.birth.incarnation
 
     def _on_start(self, content: Any, sequence: int) -> None:
+        if self.started:
+            return
+        if "t0_ns" not in content:
+            raise RunError(
+                f"node {self.name}",
+                f"runs in real time, and {COORDINATOR} has begun a run in simulated time",
+                "the same time for all nodes",
+                "start all nodes with the same --clock",
+            )
         if self.plan.birth is None:
             super()._on_start(content, sequence)
         # Who comes later is told when it is let in: it has heard this, and the coordinator has not heard of it yet.
@@ -180,6 +199,7 @@ class WallNode(TimedNode):
         self._ledger = self.publisher(Float64MultiArray, ledger_topic(name), (RECORDER,))
         self._noted_ns = 0
         self._told_overrun = False
+        self._to_tell = ""
 
     def on_start(self) -> None:
         """Begin to act at the instants of ticks."""
@@ -196,6 +216,13 @@ class WallNode(TimedNode):
         for link in (*graph.sends[self.name], *graph.hears[self.name]):
             for _ in range(_ROUNDS):
                 decode(link.wire.type_name, encode(link.wire, np.zeros(link.wire.size), 0))
+
+    def rehearse(self) -> None:
+        """Go through what sending costs once more: after a sleep nothing of it is at hand."""
+        for link in self.plan.graph.sends[self.name]:
+            encode(link.wire, np.zeros(link.wire.size), 0)
+        if not self._diagnostics.get_subscription_count():
+            self._diagnostics.publish(_NOTHING)  # heard by nobody, but the same way through DDS
 
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
@@ -283,8 +310,18 @@ class WallNode(TimedNode):
             )
         if not self._told_overrun:
             self._told_overrun = True
-            # To standard error, and to /rosout for who listens there.
-            self.ros_node.get_logger().warning(f"{words}; further ones are counted")
+            self._to_tell = f"{words}; further ones are counted"
+
+    def tell(self) -> None:
+        """Say what there is to say, to standard error and to /rosout for who listens there; not while acts are due.
+
+        Without the logger of rclpy, which looks for its caller in the source of everything that is loaded: that takes
+        40 ms the first time, and the first missed tick made many.
+        """
+        if self._to_tell:
+            words, self._to_tell = self._to_tell, ""
+            name = self.ros_node.get_logger().name
+            _rclpy.rclpy_logging_rcutils_log(LoggingSeverity.WARN, name, words, "", "", 0)
 
     def _hand_over_ledger(self, now_ns: int) -> None:
         self._noted_ns = now_ns

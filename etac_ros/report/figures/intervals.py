@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from etac_ros.metrics import curves
 from etac_ros.metrics.curves import Curve
 from etac_ros.modules.triggering import triggering_modules
+from etac_ros.report.figures.downtime import shade
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import Theme, plain_logarithmic
 from etac_ros.report.view import View
@@ -40,6 +41,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
     for axes, (name, curve) in zip(grid[:, 0], found.items(), strict=True):
         gaps = curve.values[:, 0]
         axes.set_xlim(0.0, view.run.end_s)
+        shade(axes, view)
         if logarithmic:
             axes.set_ylim(0.7 * min(tick_s, shortest), 1.8 * longest)
         else:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from etac_ros.report.figures import downtime
 from etac_ros.report.figures.style import WIDTH_IN, Theme
 from etac_ros.report.view import View
 
@@ -31,6 +32,8 @@ class FigureKind:
         What is to be seen, in sentences, with the figures that one reads off.
     applies
         Whether a run has what it shows.
+    over_time
+        Whether its horizontal axis is time, on which faults are shaded.
     """
 
     name: str
@@ -39,6 +42,11 @@ class FigureKind:
     height_in: Callable[[View], float]
     caption: Callable[[View], str]
     applies: Callable[[View], bool] = lambda view: True
+    over_time: bool = True
+
+    def words(self, view: View) -> str:
+        """The caption, with what is shaded."""
+        return self.caption(view) + (downtime.caption(view) if self.over_time else "")
 
     def size_in(self, view: View) -> tuple[float, float]:
         """Width and height for a run [in]."""

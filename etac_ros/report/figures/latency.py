@@ -75,4 +75,5 @@ FIGURE = FigureKind(
     height_in=lambda view: 0.6 + _ROW_IN * len(_found(view)),
     caption=_caption,
     applies=lambda view: bool(_found(view)),
+    over_time=False,
 )

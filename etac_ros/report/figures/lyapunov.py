@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from etac_ros.report.figures import panels
+from etac_ros.report.figures import downtime, panels
 from etac_ros.report.figures.decimate import decimated
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme, logarithmic
@@ -24,6 +24,7 @@ def _draw(view: View, figure: Figure, theme: Theme) -> None:
     axes.plot(*decimated(found.times_s, positive, BUCKETS), color=theme.this, linewidth=1.0)
     axes.plot(*decimated(found.times_s, found.ceiling, BUCKETS), color=theme.limit, linewidth=1.4)
     logarithmic(axes)
+    downtime.shade(axes, view)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("V")
     colours = (theme.this, theme.limit)

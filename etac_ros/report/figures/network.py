@@ -130,4 +130,5 @@ FIGURE = FigureKind(
     height_in=lambda view: _ROW_IN if len(_carriers(view)) <= 3 else _RING_IN * WIDTH_IN / 7.2,
     caption=_caption,
     applies=lambda view: bool(edges(view)),
+    over_time=False,
 )

@@ -10,6 +10,7 @@ from etac_ros.metrics import curves
 from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures import raster, volume
 from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.figures.downtime import shade
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.panels import Style, column_styles, key, run_key
 from etac_ros.report.figures.style import BUCKETS, Theme, plain_logarithmic
@@ -49,6 +50,7 @@ def _draw_angles(axes: Axes, view: View, theme: Theme) -> None:
             axes.plot(*decimated(curve.times_s, curve.values[:, 0], BUCKETS), **style)
         key(axes, plants, styles)
     axes.set_xlim(0.0, view.end_s)
+    shade(axes, view)
     plain_logarithmic(axes)
     axes.set_ylabel("attitude error [deg]")
 

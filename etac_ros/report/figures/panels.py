@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from etac_ros.metrics.curves import Curve
+from etac_ros.report.figures.downtime import shade
 from etac_ros.report.figures.style import Theme
 from etac_ros.report.view import View
 
@@ -79,6 +80,7 @@ def panel_grid(figure: Figure, rows: Sequence[str], view: View) -> list[Panel]:
         for column, (start_s, stop_s) in enumerate(spans):
             axes = grid[row, column]
             axes.set_xlim(start_s, stop_s)
+            shade(axes, view)
             words = [name] if len(rows) > 1 and name else []
             if cut_s is not None and (row == 0 or name):
                 words.append("transient" if column == 0 else "steady state")

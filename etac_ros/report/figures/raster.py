@@ -10,6 +10,7 @@ import numpy as np
 from etac_ros.metrics import curves
 from etac_ros.modules.triggering import triggering_modules
 from etac_ros.parameters import FloatArray
+from etac_ros.report.figures.downtime import shade
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme
 from etac_ros.report.view import View
@@ -75,6 +76,7 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     axes.set_yticks(range(len(found)), [row.name for row in found])
     axes.set_ylim(len(found) - 0.4, -0.6)
     axes.set_xlim(0.0, view.end_s)
+    shade(axes, view)
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0.0)
     axes.spines["left"].set_visible(False)

@@ -10,6 +10,7 @@ import numpy as np
 from etac_ros.metrics import curves
 from etac_ros.metrics.curves import Curve
 from etac_ros.report.figures.decimate import decimated
+from etac_ros.report.figures.downtime import shade
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.style import BUCKETS, Theme, thousands
 from etac_ros.report.view import View
@@ -60,6 +61,7 @@ def draw_on(axes: Axes, view: View, theme: Theme) -> None:
     end_s = view.end_s
     highest = max(max(line.total for line in lines), 1.0)
     axes.set_xlim(0.0, end_s)
+    shade(axes, view)
     thousands(axes)
     axes.set_ylabel("payload [bytes]")
     for line in lines:
