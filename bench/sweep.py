@@ -48,8 +48,8 @@ def main(
             whole[name].append(total)
     section = Section("sweep", "Sweeps", "./scripts/bench sweep")
     section.say(
-        f"`etac sweep` of `{scenario}`, {runs:,} runs, {cores()} cores: each run draws its start, is built, computed and "
-        f"summed up. Runs a second once all processes are warm, of {rounds} round{'s' if rounds > 1 else ''} in turns; "
+        f"`etac sweep` of `{scenario}`, {runs:,} runs, {cores()} cores: each run draws its start, is built, computed "
+        f"and summed up. Runs a second once all processes are warm, {rounds} rounds in turns; "
         "a whole sweep has the start of its processes besides."
     )
     base = speeds.get("1 process") or speeds["this process"]

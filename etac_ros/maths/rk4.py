@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from etac_ros.maths.compiled import inlined, kernel, source_digest
-from etac_ros.maths.scratch import scratch
+from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.parameters import FloatArray
 
 
@@ -20,7 +20,7 @@ class Criterion(NamedTuple):
     size: int
     """Components of what is watched."""
     holds: Callable[..., Any]
-    """``holds(watched, compared, parameters)``: whether to stop."""
+    """``holds(watched, row, compared, parameters)``: whether to stop; what is watched is a row of a matrix."""
     first: int
     """Where the parameters of ``holds`` begin; those of ``form`` stand before them."""
 
@@ -48,7 +48,7 @@ def _form_nothing(state, parameters, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _never(watched, compared, parameters):  # type: ignore[no-untyped-def]
+def _never(watched, row, compared, parameters):  # type: ignore[no-untyped-def]
     return False
 
 
@@ -193,7 +193,7 @@ def _compiled(
             p = scratch(parameters_size)
             for a in range(parameters_size):
                 p[a] = parameters[a]
-        watched = scratch(watched_size)
+        watched = scratch_matrix(1, watched_size)
         x = scratch(states_size)
         y = scratch(states_size)
         k1 = scratch(states_size)
@@ -226,8 +226,8 @@ def _compiled(
             project(x)
             for a in range(states_size):
                 states[i, a] = x[a]
-            form(x, w[:first], watched)
-            if holds(watched, c, w[first:]):
+            form(x, w[:first], watched[0])
+            if holds(watched, 0, c, w[first:]):
                 return states[: i + 1]
         return states
 
