@@ -3,7 +3,7 @@
     ./scripts/bench memory                                  # five scenarios: over DDS, spread two ways, and in process
     ./scripts/bench memory --scenarios wu2018
     ./scripts/bench memory --growth 1000000                 # wu2018 that long: does any process grow?
-    ./scripts/bench memory --write docs/performance_memory.md
+    ./scripts/bench memory --growth 1000000 --write
 
 Memory is PSS, the proportional set size of ``/proc/PID/smaps_rollup``: a page that several processes share counts
 among them in equal parts, so the sum over all processes is what the graph takes of the machine. (The sum of their
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -29,19 +28,22 @@ from typing import Annotated, Any
 
 import typer
 from rich.progress import track
+from section import Section
 
-from etac_ros import __version__
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
 from etac_ros.runs import RosOptions, run_in_process, run_over_ros
 from etac_ros.scenario.load import load
-from etac_ros.tables.markdown import markdown_lines
 from etac_ros.tables.table import Row, Table
-from etac_ros.tables.terminal import make_console, show
+from etac_ros.tables.terminal import make_console
 
 SCENARIOS = "wu2018,qi2022,flexible,shi2022,xie2021"
 IN_PROCESS = "in process"
 SPREADS = ("node", "namespace", IN_PROCESS)
+GROWN = ("node", IN_PROCESS)
+"""How the long run is spread."""
 LAUNCHER = "launcher"
+SHORT_S, LONG_S = 1.0, 10_000.0
+"""A run of less than so much simulated time lasts a second at least [wall s]: else it is over before anybody looks."""
 _THIRDS = 3
 _LOOK_EVERY_S = 0.2
 
@@ -120,7 +122,8 @@ def measured(scenario: str, spread: str, overrides: list[str]) -> dict[str, Any]
             with watch.beside():
                 run = run_in_process(what, bag)
         else:
-            run = run_over_ros(what, bag, RosOptions(spread), watch.on_progress, watch.on_start)
+            pace = what.run.duration_s / SHORT_S if what.run.duration_s < LONG_S else None
+            run = run_over_ros(what, bag, RosOptions(spread, pace=pace), watch.on_progress, watch.on_start)
         size = sum(path.stat().st_size for path in bag.glob("*.mcap"))
     peaks = Path("/proc/self/status").read_text()
     (peak,) = (line.split()[1] for line in peaks.splitlines() if line.startswith("VmHWM"))
@@ -144,23 +147,42 @@ def from_fresh_process(scenario: str, spread: str, overrides: list[str] = []) ->
     return found
 
 
-def part_of(name: str) -> str:
-    """What kind of process this is, for the table: of formations the largest of each kind is shown."""
-    last = [node.rpartition("/")[2] for node in name.split(", ")]
-    return last[0] if len(last) == 1 else "namespace"
+READERS = {
+    "etac info": ["info"],
+    "etac report": ["report"],
+    "etac export --to parquet --rate 0.1": ["export", "--to", "parquet", "--rate", "0.1"],
+}
 
 
-def header() -> str:
-    """Machine and versions."""
-    import mcap
-    import numba
-    import numpy
+def from_bag(growth: float, overrides: list[str]) -> dict[str, tuple[float, float, float]]:
+    """Of each reader of one long bag: its largest resident memory [MiB], how long it took [s], and the bag [MiB]."""
+    what = load("wu2018", None, ["baseline=null", f"duration_s={growth}", *overrides])
+    found = {}
+    with tempfile.TemporaryDirectory(dir=os.environ.get("ETAC_BENCH_FOLDER")) as folder:
+        bag = Path(folder, "bag")
+        run_in_process(what, bag)
+        size = sum(path.stat().st_size for path in bag.glob("*.mcap")) / 2**20
+        for name, (verb, *options) in READERS.items():
+            output = ["--output", str(Path(folder, verb))] if verb != "info" else []
+            command = [sys.executable, "-c", _PEAK, sys.executable, "-m", "etac_ros", verb, str(bag), *options, *output]
+            began = time.perf_counter()
+            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+            found[name] = float(done.stdout.splitlines()[-1]), time.perf_counter() - began, size
+    return found
 
-    return (
-        f"etac_ros {__version__}, Python {platform.python_version()}, numpy {numpy.__version__}, numba "
-        f"{numba.__version__}, mcap {mcap.__version__}, {platform.system()} {platform.release()}, {os.cpu_count()} "
-        "cores"
+
+_PEAK = (
+    "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True); "
+    "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024)"
+)
+
+
+def table_of_readers(found: Mapping[str, tuple[float, float, float]]) -> Table:
+    """Who reads a long bag."""
+    rows = tuple(
+        Row((name, f"{size:,.0f}", f"{peak:.0f}", f"{took:.0f}")) for name, (peak, took, size) in found.items()
     )
+    return Table("readers of that bag", ("command", "bag [MiB]", "largest resident memory [MiB]", "took [s]"), rows)
 
 
 def table_of_runs(found: Mapping[tuple[str, str], Mapping[str, Any]]) -> Table:
@@ -202,9 +224,9 @@ def table_of_growth(title: str, found: Mapping[str, Mapping[str, Any]]) -> Table
 def main(
     scenarios: Annotated[str, typer.Option(help="Which, with commas.")] = SCENARIOS,
     spreads: Annotated[str, typer.Option(help="node, namespace, one, 'in process'; with commas.")] = ",".join(SPREADS),
-    growth: Annotated[float, typer.Option(help="Run wu2018 for so many simulated seconds instead; 0: do not.")] = 0.0,
+    growth: Annotated[float, typer.Option(help="Run wu2018 for so many simulated seconds, too; 0: do not.")] = 0.0,
     override: Annotated[list[str], typer.Option("--set", help="As of etac run.")] = [],  # noqa: B006
-    write: Annotated[Path | None, typer.Option(help="Where the tables go, as Markdown.")] = None,
+    write: Annotated[bool, typer.Option(help="Write its section of docs/performance.md.")] = False,
     alone: Annotated[str, typer.Option(hidden=True)] = "",
 ) -> None:
     """Measure and print."""
@@ -213,34 +235,43 @@ def main(
         print(json.dumps(measured(scenario, spread, overrides)))
         return
     console = make_console()
+    section = Section("memory", "Memory", "./scripts/bench memory", console, packages=("mcap",))
+    section.say(
+        "Memory is PSS, the proportional set size: a page that several processes share counts among them in equal "
+        "parts, so the total is what the graph takes of the machine, the launcher included. Each run starts from a "
+        "Python of its own, and its nodes are forked after everything is imported and compiled: most is shared."
+    )
+    wanted = [(scenario, spread) for scenario in scenarios.split(",") for spread in spreads.split(",")]
+    one_each = {
+        (scenario, spread): from_fresh_process(scenario, spread, override)
+        for scenario, spread in track(wanted, "measuring", console=console, transient=True)
+    }
+    section.show(table_of_runs(one_each))
+    if write:
+        section.write()
     if growth:
+        section = Section(
+            "long", "A very long run", f"./scripts/bench memory --growth {growth:.0f}", console, ("mcap",)
+        )
         some = {
             spread: from_fresh_process("wu2018", spread, [f"duration_s={growth}", *override])
-            for spread in track(spreads.split(","), "measuring", console=console, transient=True)
+            for spread in track(GROWN, "a long run", console=console, transient=True)
         }
         title = f"wu2018, {growth:,.0f} simulated seconds: memory (PSS) of each process [MiB], largest of each third"
-        table = table_of_growth(title, some)
-        notes = [
-            f"{spread}: bag {one['bag_mib']:,.0f} MiB, loop {one['loop_s']:.1f} s, in all {one['wall_s']:.1f} s, "
-            f"{one['messages']:,} messages, launcher's peak of resident memory {one['peak']:.0f} MiB"
-            for spread, one in some.items()
-        ]
-    else:
-        wanted = [(scenario, spread) for scenario in scenarios.split(",") for spread in spreads.split(",")]
-        one_each = {
-            (scenario, spread): from_fresh_process(scenario, spread, override)
-            for scenario, spread in track(wanted, "measuring", console=console, transient=True)
-        }
-        table, notes = table_of_runs(one_each), []
-    console.print(f"\n{header()}")
-    show(table, console)
-    for note in notes:
-        console.print(note, soft_wrap=True)
-    if write is not None:
-        write.write_text(
-            "\n\n".join([f"*{header()}*", f"{table.title}:", "\n".join(markdown_lines(table)), *notes]) + "\n",
-            encoding="utf-8",
+        section.show(table_of_growth(title, some))
+        for spread, one in some.items():
+            section.say(
+                f"{spread}: {one['messages']:,} messages, a bag of {one['bag_mib']:,.0f} MiB, loop {one['loop_s']:.0f} "
+                f"s, in all {one['wall_s']:.0f} s; the launcher's resident memory never exceeded {one['peak']:.0f} MiB."
+            )
+        section.say(
+            f"Committed samples of such a run are {growth * 32 * 56 / 2**20:,.0f} MiB; they are on disk. What still "
+            "grows is what is kept of each message of the links, and the index that an MCAP file has at its end."
         )
+        readers = from_bag(growth, override)
+        section.show(table_of_readers(readers))
+        if write:
+            section.write()
 
 
 if __name__ == "__main__":

@@ -120,6 +120,14 @@ class FakePublisher:
         self._bus = bus
         self.end = end
 
+    @property
+    def handle(self) -> FakePublisher:
+        return self
+
+    def publish_raw(self, data: bytes) -> None:
+        assert isinstance(data, bytes)
+        self.publish(data)
+
     def publish(self, message: Any) -> None:
         data = message if isinstance(message, bytes) else serialize_message(message)
         self.end.sent.append(data)

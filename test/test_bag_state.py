@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +11,17 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from etac_ros.bag.definitions import typestore
 from etac_ros.bag.describe import describe
 from etac_ros.bag.markers import arrow_tips
 from etac_ros.bag.read import read_bag
 from etac_ros.bag.run_metadata import wall_clock
-from etac_ros.bag.state import quaternions_of
+from etac_ros.bag.state import StateStreams, quaternions_of
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.ledger import Entry, Event
 from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.quaternion import dcm
+from etac_ros.maths.wall_clock import WallClock
 from etac_ros.metrics import curves
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import Body, bodies_of
@@ -196,19 +201,52 @@ def test_arrows_shrink_by_a_quarter_a_decade() -> None:
     assert np.linalg.norm(tips, axis=1).tolist() == [1.0, 0.5, 0.0, 0.0, 2.0]
 
 
-def test_in_real_time_the_state_stands_at_the_instants_of_its_ticks_and_tells_no_torque(tmp_path: Path) -> None:
+def test_in_real_time_the_state_stands_at_the_instants_of_its_ticks(tmp_path: Path) -> None:
     scenario = load("wu2018", None, ["duration_s=20"])
     run_over_ros(scenario, tmp_path / "bag", RosOptions(rate=200.0))
     (metadata,) = [read_bag(tmp_path / "bag").metadata]
     wall = wall_clock(metadata)
     assert wall is not None
     with AnyReader([tmp_path / "bag"]) as reader:
-        topics = set(reader.topics)
-        chosen = [c for c in reader.connections if c.topic == "/state/plant/attitude"]
-        times = [time_ns for _, time_ns, _ in reader.messages(connections=chosen)]
-    assert not any("torque" in topic for topic in topics if topic.startswith("/state/"))
+        chosen = [c for c in reader.connections if c.topic in ("/state/plant/attitude", "/state/plant/torque")]
+        messages = [(c.topic, time_ns, reader.deserialize(data, c.msgtype))
+                    for c, time_ns, data in reader.messages(connections=chosen)]  # fmt: skip
+    times = [time_ns for topic, time_ns, _ in messages if topic == "/state/plant/attitude"]
     assert times == [wall.instant_ns(tick) for tick in range(0, 2 * len(times), 2)]
     assert len(times) > 200
+    torques = [(time_ns, xyz(message.vector)) for topic, time_ns, message in messages if topic == "/state/plant/torque"]
+    assert [time_ns for time_ns, _ in torques] == times
+    held = read_run(tmp_path / "bag").held["/plant"]["torque"]
+    ticks = np.arange(0, 2 * len(times), 2)
+    expected = held.values[np.searchsorted(held.times_s, ticks / 32, side="right") - 1]
+    assert [torque for _, torque in torques] == expected.tolist()
+    assert len({tuple(torque) for _, torque in torques}) > 2
+
+
+def test_torques_of_real_time_wait_for_the_ledger_and_for_nothing_else() -> None:
+    graph = load("wu2018", None, ["duration_s=1", "state_rate_hz=32"]).graph
+    place = list(graph.links).index("torque")
+    state = StateStreams(graph, 32.0, WallClock(0, 32, Fraction(1)), waits_s=-1.0)
+
+    def shown(everything: bool = False) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {"attitude": [], "torque": []}
+        for message in state.ready(sys.maxsize, everything):
+            found.get(message.topic.rpartition("/")[2], []).append(message.tick)
+        return found
+
+    state.take_message("torque", 1, 3, 0, np.array([1.0, 0.0, 0.0]))
+    state.take_truth("/plant", 0, np.tile([1.0, 0, 0, 0, 0, 0, 0], (20, 1)))
+    assert shown() == {"attitude": list(range(20)), "torque": []}
+    state.take_ledger("/plant", [Entry(Event.TAKEN, place, 1, 4, 0), Entry(Event.TAKEN, place, 2, 9, 0)])
+    assert shown() == {"attitude": [], "torque": [0, 1, 2, 3]}  # of the second the value has not come yet
+    state.take_message("torque", 2, 8, 0, np.array([2.0, 0.0, 0.0]))
+    assert shown() == {"attitude": [], "torque": [4, 5, 6, 7, 8]}
+    state.take_message("torque", 3, 15, 0, np.array([3.0, 0.0, 0.0]))  # which no ledger tells any more
+    last = [message for message in state.ready(sys.maxsize, everything=True) if message.topic.endswith("/torque")]
+    assert [message.tick for message in last] == list(range(9, 20))
+    kind = "geometry_msgs/msg/Vector3Stamped"
+    values = [typestore().deserialize_cdr(message.cdr, kind).vector.x for message in last]
+    assert values == [2.0] * 7 + [3.0] * 4
 
 
 def test_what_modules_watch_is_shown_whatever_the_chunks_were(tmp_path: Path) -> None:

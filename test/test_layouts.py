@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from pydantic import TypeAdapter
 from rosbags.highlevel import AnyReader
 
 from etac_ros.runs import layouts_of, run_in_process
@@ -44,6 +45,68 @@ def test_every_topic_and_field_of_a_layout_is_in_the_bag(name: str, tmp_path: Pa
         topic, *fields = curve.split(".")
         number(messages[topic], fields)
         assert "/".join([topic, *fields]) in juggled
+
+
+OF_FORKS = {"title", "axisScale"}
+"""Keys that Lichtblick, the open fork of Foxglove, reads instead of a newer one beside it."""
+
+
+@pytest.mark.parametrize("name", available())
+def test_foxglove_knows_every_key_and_its_values(name: str) -> None:
+    """Foxglove publishes what its layouts may hold as classes of its SDK."""
+    published = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk is not installed")
+
+    def check(kind: str, found: dict[str, Any]) -> None:
+        known = getattr(published, kind)
+        words = {key: re.sub(r"[A-Z]", lambda letter: "_" + letter[0].lower(), key) for key in found}
+        assert set(found) <= set(known()._to_dict()) | OF_FORKS, kind
+        TypeAdapter(known).validate_python({words[key]: found[key] for key in found if key not in OF_FORKS})
+
+    foxglove = json.loads((SHARE / f"{name}.foxglove.json").read_text(encoding="utf-8"))
+    for panel, config in foxglove["configById"].items():
+        assert config.pop("foxglovePanelTitle", "") == config.get("title", "")
+        if panel.startswith("Plot!"):
+            for series in config.pop("paths"):
+                check("PlotSeries", series)
+            check("PlotConfig", config)
+            continue
+        for topic in config.pop("topics").values():
+            check("BaseRendererRosMarkerTopicSettings", topic)
+        check("ThreeDeeCameraState", config.pop("cameraState"))
+        check("BaseRendererTransforms", config.pop("scene")["transforms"])
+        check("ThreeDeeConfig", config)
+
+
+PLOTJUGGLER = {
+    "tabbed_widget": {"parent", "name"},
+    "Tab": {"containers", "tab_name"},
+    "Container": set(),
+    "DockSplitter": {"orientation", "count", "sizes"},
+    "DockArea": {"name"},
+    "plot": {"mode", "style", "flip_x", "flip_y"},
+    "limitY": set(),
+    "curve": {"name", "color"},
+    "currentTabIndex": {"index"},
+    "use_relative_time_offset": {"enabled"},
+}
+"""What its loader reads (plot_docker.cpp, plotwidget.cpp) of what we write."""
+
+
+@pytest.mark.parametrize("name", available())
+def test_plotjuggler_reads_every_element(name: str) -> None:
+    for element in ElementTree.parse(SHARE / f"{name}.plotjuggler.xml").getroot().iter():
+        if element.tag == "root":
+            continue
+        assert set(element.attrib) == PLOTJUGGLER[element.tag]
+        if element.tag == "DockSplitter":
+            # It asks for as many sizes as parts without looking whether they are there.
+            count = int(element.attrib["count"])
+            sizes = [float(size) for size in element.attrib["sizes"].split(";")]
+            assert len(sizes) == len(element) == count
+            assert sum(sizes) == pytest.approx(1.0, abs=1e-5)
+            assert element.attrib["orientation"] in "|-"
+        elif element.tag == "plot":
+            assert (element.attrib["mode"], element.attrib["style"]) == ("TimeSeries", "Lines")
 
 
 def panels_of(layout: Any) -> set[str]:

@@ -325,6 +325,7 @@ def test_strangers_are_counted_and_ignored(monkeypatch: pytest.MonkeyPatch) -> N
     )
     for text in ("", "{", "null", '{"run": "x", "is": {}}', '{"is": {}}'):
         publisher.publish(String(data=text))
+    world.spin()
     outcome = world.run()
     assert outcome.tick == world.plan.graph.end_tick
     assert {name: said["strangers"] for name, said in outcome.leave_notes.items()} == {

@@ -125,6 +125,58 @@ def test_real_time_has_latencies(machines: tuple[Machine, Machine], tmp_path: Pa
     assert latency["least"] > 0.0
 
 
+LISTENER = """
+import os, sys
+from etac_ros.engines.ros.environment import join_by_hand
+from etac_ros.engines.ros.several_machines import machines_of
+join_by_hand(os.environ, 9, machines_of(sys.argv[1], None))
+import rclpy
+from geometry_msgs.msg import Point32
+from rclpy.node import Node
+rclpy.init()
+node = Node("listener")
+heard = []
+node.create_subscription(Point32, "/filtered_error", heard.append, 100)
+while len(heard) < int(sys.argv[2]):
+    rclpy.spin_once(node)
+print(len(heard), flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.slow
+def test_the_recorder_may_be_on_the_other_machine_and_so_may_who_hears_its_bag_played(
+    machines: tuple[Machine, Machine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, there = machines
+    monkeypatch.setenv("ROS_DOMAIN_ID", "9")
+    (tmp_path / "wu.yaml").write_text(load("wu2018", None, ["duration_s=20"]).text)
+    clock = ["--clock", "wall", "--rate", "5"]
+    parts = [
+        machine.etac(tmp_path, "node", name, "wu.yaml", "--peers", machine.peer, *clock, *more)
+        for machine, name, *more in (
+            (here, "/plant"), (here, "/sensor"), (here, "/actuator"), (here, "/coordinator"),
+            (there, "/controller"), (there, "/recorder", "--bag", "bag"),
+        )
+    ]  # fmt: skip
+    try:
+        for part in parts:
+            output, _ = part.communicate(timeout=LIMIT_S)
+            assert part.returncode == 0, output
+        sent = len(read_bag(tmp_path / "bag").recording().messages["filtered_error"])
+        assert sent > 5
+        command = ["ip", "netns", "exec", there.namespace, sys.executable, "-c", LISTENER, there.peer, str(sent)]
+        parts.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        played = here.etac(tmp_path, "play", "bag", "--domain", "9", "--rate", "10", "--peers", here.peer, "--wait")
+        parts.append(played)
+        assert "played" in played.communicate(timeout=LIMIT_S)[0]
+        assert parts[-2].communicate(timeout=LIMIT_S)[0].strip() == str(sent)
+    finally:
+        for part in parts:
+            part.kill()
+            part.wait()
+
+
 def test_a_peer_that_is_not_there_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
     with machines[0].etac(tmp_path, "run", "wu2018", "--peers", "10.77.0.9") as run:
         output, _ = run.communicate(timeout=LIMIT_S)

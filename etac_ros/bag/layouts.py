@@ -85,7 +85,8 @@ def foxglove(graph: Graph, state: Sequence[TopicDescription]) -> str:
                 "phi": 60.0,
                 "thetaOffset": 45.0,
             },
-            "scene": {"transforms": {"axisScale": 0.0}},
+            # The bodies have axes of their own. The second key is what the open fork of Foxglove knows.
+            "scene": {"transforms": {"axisSize": 0.0, "axisScale": 0.0}},
             "topics": {name: {"visible": True} for name in markers},
         }
     names = []

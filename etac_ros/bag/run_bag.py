@@ -23,7 +23,9 @@ from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription, derived_topic, recorded_topics, truth_topic
 from etac_ros.bag.write import BagWriter
 from etac_ros.graph.graph import Graph
+from etac_ros.graph.ledger import from_rows
 from etac_ros.graph.spool import TruthFile
+from etac_ros.graph.topics import ledger_topic
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.parameters import FloatArray
 
@@ -129,10 +131,10 @@ class RunBag:
         self._wall = wall
         self._plants = {truth_topic(plant).name: plant for plant in graph.plants}
         self._to_plants = {
-            link.topic: link
-            for link in graph.links.values()
-            if state is not None and wall is None and state.hears(link.name)
+            link.topic: link for link in graph.links.values() if state is not None and state.hears(link.name)
         }
+        in_real_time = state is not None and wall is not None
+        self._ledgers = {ledger_topic(plant): plant for plant in graph.plants} if in_real_time else {}
         shown = () if state is None else state.topics
         topics = (*recorded_topics(graph), *extra, *(derived_topic(d.node) for d in derived), *shown)
         thinned = {} if every == 1 else {TRUTH_EVERY: str(every)}
@@ -157,6 +159,9 @@ class RunBag:
             self._led = True
             if topic in self._to_plants:
                 self._note_input(topic, cdr, log_time_ns, publish_time_ns, sequence)
+            elif topic in self._ledgers:
+                assert self._state is not None
+                self._state.take_ledger(self._ledgers[topic], from_rows(decode_truth(cdr)[1]))
         self._release()
 
     def placed_until(self, tick_time_ns: int) -> None:
@@ -249,11 +254,14 @@ class RunBag:
     def _note_input(self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int, sequence: int) -> None:
         assert self._state is not None
         link = self._to_plants[topic]
-        tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
+        if self._wall is not None:
+            tick, step = self._wall.tick_at(publish_time_ns), 0
+        else:
+            tick, step = tick_of(publish_time_ns, self._ticks_per_second), step_of(log_time_ns, publish_time_ns)
         self._state.take_message(link.name, sequence, tick, step, decode(link.wire.type_name, cdr))
 
     def _show(self, state: StateStreams, everything: bool) -> None:
-        whole = everything or self._wall is not None  # in real time no torque is shown that would have to be waited for
+        whole = everything or self._wall is not None  # in real time torques wait for the ledger, and nothing else
         until = sys.maxsize if whole else tick_of(self._placed_ns, self._ticks_per_second)
         for topic, cdr, tick, sequence in state.ready(until, everything):
             logged, published = self._instant_ns(tick)

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from etac_ros.errors import RunError
 from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.held import HeldInputs
+from etac_ros.graph.ledger import Entry, Event
 from etac_ros.graph.module import Arrival, Module, Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.topics import TF, TF_STATIC, state_topic
@@ -86,6 +88,8 @@ class _Stream:
     mould: Mould
     values: Callable[[_Samples], FloatArray]
     only_changes: bool = False
+    late: bool = False
+    """Whether it waits for the plant's ledger."""
     sent: int = 0
     last: FloatArray | None = field(default=None, repr=False)
 
@@ -132,8 +136,8 @@ class StateStreams:
     rate_hz
         As for :func:`period_ticks`.
     wall
-        The instants of ticks in a run in real time; of such a run no torque is shown, since when it arrived only
-        ledgers tell, which come later.
+        The instants of ticks in a run in real time; of such a run torques are shown later than the rest: when they
+        arrived only the plant's ledger tells.
     waits_s
         How long samples may wait for each other before they are handed out [wall s].
     watch_with
@@ -151,7 +155,9 @@ class StateStreams:
     ) -> None:
         period = period_ticks(graph, rate_hz)
         self._ticks_per_second = graph.ticks_per_second
-        self._plants = {name: _Plant(graph, name, period, wall is None, waits_s, watch_with) for name in graph.plants}
+        self._plants = {
+            name: _Plant(graph, name, period, wall is not None, waits_s, watch_with) for name in graph.plants
+        }
         self._wall = wall
         self._fixed = [shape for plant in self._plants.values() for shape in plant.shapes]
         references = [plant.references for plant in self._plants.values()]
@@ -171,6 +177,10 @@ class StateStreams:
         """Take note of a message of a link that leads to a plant, in the order of sending."""
         for plant in self._plants.values():
             plant.take_message(link, sequence, tick, step, value)
+
+    def take_ledger(self, plant: str, entries: list[Entry]) -> None:
+        """Take note of what a plant of a run in real time noted down, in its order."""
+        self._plants[plant].take_ledger(entries)
 
     def hears(self, link: str) -> bool:
         """Whether a link leads to a plant."""
@@ -200,22 +210,27 @@ class StateStreams:
         """
         for plant in self._plants.values():
             samples = plant.due(until, everything)
-            if samples is None:
-                continue
-            if not self._fixed_sent:
-                self._fixed_sent = True
-                yield from (StateMessage(topic.name, cdr, 0, 1) for topic, cdr in self._fixed)
-            times = np.array([self._time_ns(tick) for tick in samples.ticks.tolist()])
-            for stream in plant.streams:
-                try:
-                    messages = stream.messages(samples, times)
-                except Exception as error:  # a user's class can fail in any way
-                    shows = f"what topic {stream.topic.name} shows"
-                    raise _speechless(plant.name, int(samples.ticks[0]), shows, error) from error
-                if stream.topic.name == TF:  # one topic of all plants
-                    messages = [one._replace(sequence=self._tf_sent + 1 + place) for place, one in enumerate(messages)]
-                    self._tf_sent += len(messages)
-                yield from messages
+            if samples is not None:
+                if not self._fixed_sent:
+                    self._fixed_sent = True
+                    yield from (StateMessage(topic.name, cdr, 0, 1) for topic, cdr in self._fixed)
+                yield from self._messages(plant, samples, [one for one in plant.streams if not one.late])
+            later = plant.due_later(everything)
+            if later is not None:
+                yield from self._messages(plant, later, [one for one in plant.streams if one.late])
+
+    def _messages(self, plant: _Plant, samples: _Samples, streams: list[_Stream]) -> Iterator[StateMessage]:
+        times = np.array([self._time_ns(tick) for tick in samples.ticks.tolist()])
+        for stream in streams:
+            try:
+                messages = stream.messages(samples, times)
+            except Exception as error:  # a user's class can fail in any way
+                shows = f"what topic {stream.topic.name} shows"
+                raise _speechless(plant.name, int(samples.ticks[0]), shows, error) from error
+            if stream.topic.name == TF:  # one topic of all plants
+                messages = [one._replace(sequence=self._tf_sent + 1 + place) for place, one in enumerate(messages)]
+                self._tf_sent += len(messages)
+            yield from messages
 
 
 def _speechless(plant: str, tick: int, wanted: str, error: Exception) -> RunError:
@@ -225,30 +240,37 @@ def _speechless(plant: str, tick: int, wanted: str, error: Exception) -> RunErro
 
 class _Plant:
     def __init__(
-        self, graph: Graph, name: str, period: int, with_torque: bool, waits_s: float, watch_with: Graph | None
+        self, graph: Graph, name: str, period: int, in_real_time: bool, waits_s: float, watch_with: Graph | None
     ) -> None:
         module = graph.modules[name]
         assert isinstance(module, PlantModule)
         self.name = name
         self._plant = module.plant
         self._period = period
-        self._with_torque = with_torque
+        self._in_real_time = in_real_time
         self._waits_s = waits_s
         hears = graph.hears[name]
         # What an acknowledged link brings follows from a conversation, not from the message alone.
-        self._with_torque &= all(link.acknowledged is None for link in hears)
+        self._with_torque = all(link.acknowledged is None for link in hears)
         self._order = {link.name: number for number, link in enumerate(hears)}
         self._ports = {link.name: link.receivers[name] for link in hears}
         self.ways = {link.name: Way(link.channel, name) for link in hears}
         self._end_tick = graph.end_tick
         self._hold = HeldInputs(module.inputs, list(self._order))
         self._arrivals: list[tuple[int, int, int, int, Arrival]] = []
+        # In real time: what was taken when, in the order of the ledger; values that were sent, with the tick of
+        # sending; ticks whose torque is not shown yet; and up to which tick all that counts has been taken.
+        self._links = list(graph.links)
+        self._taken: deque[tuple[int, str, int]] = deque()
+        self._sent: dict[tuple[str, int], tuple[int, FloatArray]] = {}
+        self._later: list[int] = []
+        self._settled = -1
         self._watchers = {} if watch_with is None else watchers_of(watch_with, name)
         self._width = module.state.size
         self._waiting: list[tuple[int, FloatArray]] = []
         """First tick and samples, already thinned."""
         self._waiting_rows = 0
-        self._since = time.monotonic()
+        self._since = self._since_later = time.monotonic()
         self.references: tuple[str, ...] = ()
         """Frames that do not turn."""
         self.shapes: list[tuple[TopicDescription, bytes]] = []
@@ -262,10 +284,17 @@ class _Plant:
         way = self.ways.get(link)
         if way is None:
             return
+        if self._in_real_time:
+            self._sent[link, sequence] = tick, value
+            return
         arrival = Arrival(self._ports[link], link, value)
         for when in way.arrivals(sequence, tick):
             if when < self._end_tick:
                 self._arrivals.append((when, 1 if when > tick else step + 1, self._order[link], sequence, arrival))
+
+    def take_ledger(self, entries: list[Entry]) -> None:
+        taken = (entry for entry in entries if entry.event is Event.TAKEN)
+        self._taken += ((entry.tick, self._links[entry.link], entry.sequence) for entry in taken)
 
     def take_truth(self, first: int, samples: FloatArray) -> None:
         skipped = -first % self._period
@@ -294,7 +323,36 @@ class _Plant:
         self._waiting = [(ticks[count], states[count:])] if count < len(ticks) else []
         self._waiting_rows -= count
         own, beside = states[:count, : self._width], states[:count, self._width :]
-        return _Samples(np.array(ticks[:count]), np.ascontiguousarray(own), self._held(ticks[:count]), beside)
+        if self._in_real_time:
+            self._later += ticks[:count]
+        held = np.empty((count, 0)) if self._in_real_time else self._held(ticks[:count])
+        return _Samples(np.array(ticks[:count]), np.ascontiguousarray(own), held, beside)
+
+    def due_later(self, everything: bool) -> _Samples | None:
+        """In real time: ticks whose torque is known. The ledger tells in order, so an entry settles all before it."""
+        while self._taken and self._taken[0][1:] in self._sent:
+            tick, link, sequence = self._taken.popleft()
+            self._arrives(tick, link, sequence, self._sent.pop((link, sequence))[1])
+            self._settled = tick - 1
+        if everything:  # of what no ledger tells: as a replay has it (:mod:`etac_ros.graph.replay`)
+            for (link, sequence), (sent, value) in self._sent.items():
+                self._arrives(sent + 1, link, sequence, value)
+            self._sent.clear()
+            self._settled = self._end_tick
+        count = sum(tick <= self._settled for tick in self._later)
+        if count == 0 or not (everything or count >= _AT_ONCE or self._have_waited_longer()):
+            return None
+        self._since_later = time.monotonic()
+        ticks, self._later = self._later[:count], self._later[count:]
+        return _Samples(np.array(ticks), np.empty((count, 0)), self._held(ticks), np.empty((count, 0)))
+
+    def _have_waited_longer(self) -> bool:
+        return time.monotonic() - self._since_later > self._waits_s
+
+    def _arrives(self, tick: int, link: str, sequence: int, value: FloatArray) -> None:
+        if tick < self._end_tick:
+            arrival = Arrival(self._ports[link], link, value)
+            self._arrivals.append((tick, 1, self._order[link], sequence, arrival))
 
     def _watched_by(self, node: str, first: int, samples: FloatArray) -> FloatArray:
         """What a module watches at each of the samples that follow those that it was shown before."""
@@ -345,8 +403,9 @@ class _Plant:
             self.shapes.append((topic(MARKERS_TYPE, SHAPE), _once(shape_mould(frame))))
             if self._with_torque and port.stop - port.start == 3:
                 arrows = partial(_arrows, torque)
-                yield _vectors(topic(_VECTOR, "torque"), frame, torque)
-                yield _Stream(topic(MARKERS_TYPE, "torque_arrow"), torque_mould(frame), arrows, only_changes=True)
+                late = self._in_real_time
+                yield replace(_vectors(topic(_VECTOR, "torque"), frame, torque), late=late)
+                yield _Stream(topic(MARKERS_TYPE, "torque_arrow"), torque_mould(frame), arrows, True, late)
         if has_attitude(self._plant):
             yield _numbers(self._topic("", _NUMBER, "attitude_error_deg"), self._angle_errors)
         frame = next(iter(frames.values()), own)

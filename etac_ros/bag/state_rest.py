@@ -11,6 +11,8 @@ from etac_ros.bag.contents import RawMessage
 from etac_ros.bag.state import StateStreams
 from etac_ros.bag.topics import TopicDescription
 from etac_ros.graph.graph import Graph
+from etac_ros.graph.ledger import from_rows
+from etac_ros.graph.topics import node_of_ledger
 from etac_ros.maths.wall_clock import WallClock
 
 
@@ -43,12 +45,17 @@ class StateRest:
             self._there[topic.name].add((message.publish_time_ns, message.cdr))
         elif topic.plant is not None:
             self._state.take_truth(topic.plant, *decode_truth(message.cdr))
-        elif topic.link is not None and self._wall is None and self._state.hears(topic.link):
-            tick_ns = published_ns(message.log_time_ns, message.publish_time_ns)
-            tick = tick_of(tick_ns, self._graph.ticks_per_second)
-            step = step_of(message.log_time_ns, message.publish_time_ns)
+        elif topic.link is not None and self._state.hears(topic.link):
+            if self._wall is not None:
+                tick, step = self._wall.tick_at(message.publish_time_ns), 0
+            else:
+                tick_ns = published_ns(message.log_time_ns, message.publish_time_ns)
+                tick = tick_of(tick_ns, self._graph.ticks_per_second)
+                step = step_of(message.log_time_ns, message.publish_time_ns)
             value = decode(topic.type_name, message.cdr)
             self._state.take_message(topic.link, message.sequence, tick, step, value)
+        elif self._wall is not None and (node := node_of_ledger(topic.name)) in self._graph.plants:
+            self._state.take_ledger(str(node), from_rows(decode_truth(message.cdr)[1]))
 
     def rest(self) -> Iterator[tuple[str, bytes, int, int, int]]:
         """What is not there: topic, bytes, log time, publish time and number."""

@@ -577,7 +577,8 @@ def report(
     first, *others = bags
     unfinished = f"{output or first / 'report'} is not complete; the same command draws it anew"
     with steps(make_console(), f"{first}: reading") as say, keeping(unfinished):
-        page = write_report(first, [*others, *(against or ())], output, trust=trust, figures=figures, say=say)
+        others += against or ()
+        page = write_report(first, others, output, trust=trust, figures=figures, say=say, forks=True)
     typer.echo(f"report: {page}")
 
 

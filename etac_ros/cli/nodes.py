@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,6 +154,10 @@ def play(
     except EtacError as error:
         print(f"{name}: {error}", file=sys.stderr)
         leave_process(1 if host.ended_by is None else 128 + host.ended_by)
+    except BaseException:
+        # Not by way of Python's own end: there Fast DDS was seen to hang, with signals that nobody hears any more.
+        traceback.print_exc()
+        leave_process(1)
     leave_process(0)
 
 

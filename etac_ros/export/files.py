@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def write_tables(bag: BagTables, kind: Format | str, folder: Path, names: Sequen
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if kind in (Format.PARQUET, Format.CSV):
-            return tuple(_write_table(bag.table(name), folder / f"{name}.{kind}") for name in chosen)
+            return tuple(_write_table(bag.pieces(name), folder / f"{name}.{kind}") for name in chosen)
         path = folder / f"{bag.path.absolute().name}.{kind}"
         arrays = {name: _arrays(bag, name) for name in chosen}
         if kind is Format.MAT:
@@ -85,18 +86,29 @@ def write_tables(bag: BagTables, kind: Format | str, folder: Path, names: Sequen
         ) from error
 
 
-def _write_table(table: pa.Table, path: Path) -> Path:
+def _write_table(pieces: Iterator[pa.Table], path: Path) -> Path:
+    """Write the pieces of a table one after the other."""
+    prepared = pieces if path.suffix == ".parquet" else map(_in_words, pieces)
+    first = next(prepared)
     if path.suffix == ".parquet":
-        pyarrow.parquet.write_table(table, path, compression="zstd")
-        return path
+        writer = pyarrow.parquet.ParquetWriter(path, first.schema, compression="zstd")
+    else:
+        writer = pyarrow.csv.CSVWriter(path, first.schema)
+    with writer:
+        for piece in chain([first], prepared):
+            writer.write_table(piece)
+    return path
+
+
+def _in_words(table: pa.Table) -> pa.Table:
+    """As CSV takes it."""
     for place, column in enumerate(table.schema):
         if pa.types.is_list(column.type):  # a cell is a text: numbers with blanks between, which float() reads back
             words = pa.array([" ".join(repr(number) for number in row) for row in table.column(place).to_pylist()])
             table = table.set_column(place, column.name, words)
         elif pa.types.is_dictionary(column.type):
             table = table.set_column(place, column.name, table.column(place).cast(pa.string()))
-    pyarrow.csv.write_csv(table, path)
-    return path
+    return table
 
 
 def _arrays(bag: BagTables, name: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +20,20 @@ import pyarrow as pa
 
 from etac_ros.errors import BagError
 from etac_ros.graph import replay
+from etac_ros.graph.graph import Graph
+from etac_ros.graph.recording import Recording
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics import curves
+from etac_ros.metrics.curves import Curve
 from etac_ros.parameters import FloatArray
-from etac_ros.plants.plant import Body, bodies_of
+from etac_ros.plants.plant import Body, Plant, bodies_of
 from etac_ros.report.source import ReportedRun, read_run
 
 _XYZ = ("x", "y", "z")
 _LONGEST_PERIOD = 2.0**62
 """More ticks than any run has, in an int64."""
+_PartsOf = Callable[[str], Iterator[Recording]]
+"""The recording in parts, by plant, as :meth:`Recording.parts` gives it."""
 _LABEL = re.compile(r"(.*?)(?: \[(.*)\])?")
 
 
@@ -95,7 +100,7 @@ class BagTables:
         # However low the rate, the sample at tick 0 is kept; a period beyond all ticks has to stay an int64.
         periods = 1.0 if rate_hz is None else min(run.graph.ticks_per_second / rate_hz, _LONGEST_PERIOD)
         self._period = max(1, math.ceil(periods))
-        self._samples: dict[str, Callable[[], Iterator[Series]]] = {
+        self._samples: dict[str, Callable[[_PartsOf], Iterator[Series]]] = {
             "attitude": self._attitude,
             "rate": self._rate,
             "torque": self._torque,
@@ -106,6 +111,8 @@ class BagTables:
             self._samples = {}
         elif run.recording.every != 1:
             del self._samples["watched"]
+        self._apart = frozenset({"attitude", "rate", "state"}) & self._samples.keys()
+        """Tables whose rows follow from one sample each."""
         self._events = {"triggers": self._triggers, "messages": self._messages}
 
     @property
@@ -155,30 +162,45 @@ class BagTables:
         """
         if name not in self._samples:
             raise BagError(f"{self.path}: table '{name}'", "there is none", f"one of: {', '.join(self.names)}")
-        return tuple(self._samples[name]())
+        return tuple(self._samples[name](self._run.recording.parts))
 
-    def _attitude(self) -> Iterator[Series]:
-        run = self._run
+    def pieces(self, name: str) -> Iterator[pa.Table]:
+        """One of the tables as several, which together are it: of a very long run, so that each fits into memory.
+
+        Of other runs it is one. Rows come in another order than those of :meth:`table`.
+
+        Raises
+        ------
+        BagError
+            If there is no such table.
+        """
+        recording = self._run.recording
+        parts = {plant: recording.parts(plant) for plant in self._run.graph.plants}
+        if name not in self._apart or all(recording.is_one_part(plant) for plant in parts):
+            yield self.table(name)
+            return
+        for plant, some in parts.items():
+            for part in some:
+                yield _tidy(self._samples[name](_only(plant, part)), self.ticks_per_second)
+
+    def _attitude(self, parts_of: _PartsOf) -> Iterator[Series]:
+        graph = self._run.graph
         for node, plant, body in self._bodies():
             if body.quaternions is not None:
-                ticks, states = self._thinned(plant)
-                yield Series(
-                    node, "quaternion", "1", ("q0", "q1", "q2", "q3"), ticks, np.asarray(body.quaternions(states))
-                )
-            angles = curves.attitude(run.graph, run.recording, self._rows[node]).values
-            components = ("roll", "pitch", "yaw") if angles.shape[1] == 3 else _numbered(angles.shape[1])
-            yield self._kept(node, plant, "euler error", "deg", components, angles)
-        for plant in curves.attitude_plants(run.graph):
-            angle = curves.attitude_angle(run.graph, run.recording, plant).values
-            yield self._kept(plant, plant, "error", "deg", ("angle",), angle)
+                turned = partial(_quaternions, body.quaternions, plant)
+                yield self._kept(parts_of, node, plant, "quaternion", "1", ("q0", "q1", "q2", "q3"), turned)
+            angles = partial(_curve, curves.attitude, graph, self._rows[node])
+            yield self._kept(parts_of, node, plant, "euler error", "deg", None, angles)
+        for plant in curves.attitude_plants(graph):
+            angle = partial(_curve, curves.attitude_angle, graph, plant)
+            yield self._kept(parts_of, plant, plant, "error", "deg", ("angle",), angle)
 
-    def _rate(self) -> Iterator[Series]:
+    def _rate(self, parts_of: _PartsOf) -> Iterator[Series]:
         for node, plant, body in self._bodies():
-            ticks, states = self._run.recording.kept(plant)
-            rates = np.asarray(body.rates(curves.errors_at(curves.dynamics(self._run.graph, plant), ticks, states)))
-            yield self._kept(node, plant, "rate", "rad/s", _axes(rates.shape[1]), rates)
+            rates = partial(_rates, body, curves.dynamics(self._run.graph, plant), plant)
+            yield self._kept(parts_of, node, plant, "rate", "rad/s", None, rates)
 
-    def _torque(self) -> Iterator[Series]:
+    def _torque(self, parts_of: _PartsOf) -> Iterator[Series]:
         run = self._run
         for plant in run.graph.plants:
             last = sum(run.recording.span(plant)) - 1
@@ -190,19 +212,22 @@ class BagTables:
                 unit = "N m" if "torque" in port else ""
                 yield Series(plant, port, unit, _axes(values.shape[1]), ticks, values)
 
-    def _state(self) -> Iterator[Series]:
+    def _state(self, parts_of: _PartsOf) -> Iterator[Series]:
         for plant in self._run.graph.plants:
-            ticks, states = self._thinned(plant)
+            ticks, states = self._thinned(parts_of, plant, lambda part, plant=plant: part.kept(plant)[1])  # type: ignore[misc]
+            if not ticks.size:
+                continue
             for place, label in enumerate(curves.dynamics(self._run.graph, plant).labels):
                 found = _LABEL.fullmatch(label)
                 assert found is not None
                 yield Series(plant, found[1], found[2] or "1", (found[1],), ticks, states[:, place : place + 1])
 
-    def _watched(self) -> Iterator[Series]:
-        for node, (_, watches) in self._run.watches.items():
-            plant = node if node in self._run.graph.plants else self._run.graph.reads[node]
+    def _watched(self, parts_of: _PartsOf) -> Iterator[Series]:
+        for node, (first, watches) in self._run.watches.items():
             for watch in watches:
-                yield self._kept(node, plant, watch.name, watch.unit or "1", tuple(watch.axes), watch.values)
+                ticks = np.arange(first, first + watch.values.shape[0], dtype=np.int64)
+                due = ticks % self._period == 0
+                yield Series(node, watch.name, watch.unit or "1", tuple(watch.axes), ticks[due], watch.values[due])
 
     def _triggers(self) -> pa.Table:
         run = self._run
@@ -255,18 +280,56 @@ class BagTables:
             for body in bodies_of(curves.dynamics(self._run.graph, plant)):
                 yield _node(plant, body), plant, body
 
-    def _thinned(self, plant: str) -> tuple[npt.NDArray[np.int64], FloatArray]:
-        ticks, states = self._run.recording.kept(plant)
-        due = ticks % self._period == 0
-        return ticks[due], states[due]
+    def _thinned(
+        self, parts_of: _PartsOf, plant: str, values: Callable[[Recording], FloatArray]
+    ) -> tuple[npt.NDArray[np.int64], FloatArray]:
+        """Ticks, and values at them, of those samples that are kept."""
+        ticks, rows = [np.empty(0, dtype=np.int64)], []
+        for part in parts_of(plant):
+            known, _ = part.kept(plant)
+            due = known % self._period == 0
+            ticks.append(known[due])
+            rows.append(values(part)[due])
+        return np.concatenate(ticks), np.concatenate(rows) if rows else np.empty((0, 0))
 
     def _kept(
-        self, node: str, plant: str, quantity: str, unit: str, components: tuple[str, ...], values: FloatArray
+        self,
+        parts_of: _PartsOf,
+        node: str,
+        plant: str,
+        quantity: str,
+        unit: str,
+        components: tuple[str, ...] | None,
+        values: Callable[[Recording], FloatArray],
     ) -> Series:
-        """Values at each committed sample of a plant, thinned."""
-        ticks, _ = self._run.recording.kept(plant)
-        kept = ticks % self._period == 0
-        return Series(node, quantity, unit, components, ticks[kept], values[kept])
+        """A quantity at the samples that are kept; angles and rates name their components by how many there are."""
+        ticks, kept = self._thinned(parts_of, plant, values)
+        if components is None:
+            turned = quantity == "euler error" and kept.shape[1] == 3
+            components = ("roll", "pitch", "yaw") if turned else _axes_of(quantity, kept.shape[1])
+        return Series(node, quantity, unit, components, ticks, kept)
+
+
+def _axes_of(quantity: str, count: int) -> tuple[str, ...]:
+    return _numbered(count) if quantity == "euler error" else _axes(count)
+
+
+def _quaternions(of_states: Callable[[FloatArray], FloatArray], plant: str, part: Recording) -> FloatArray:
+    return np.asarray(of_states(part.kept(plant)[1]), dtype=np.float64)
+
+
+def _curve(make: Callable[[Graph, Recording, str], Curve], graph: Graph, row: str, part: Recording) -> FloatArray:
+    return make(graph, part, row).values
+
+
+def _rates(body: Body, dynamics: Plant, plant: str, part: Recording) -> FloatArray:
+    ticks, states = part.kept(plant)
+    return np.asarray(body.rates(curves.errors_at(dynamics, ticks, states)))
+
+
+def _only(plant: str, part: Recording) -> _PartsOf:
+    """As if there were nothing but this part of this plant."""
+    return lambda name: iter([part] if name == plant else [])
 
 
 def open_bag(path: Path | str, *, rate_hz: float | None = None, trust: bool = False) -> BagTables:

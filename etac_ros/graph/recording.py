@@ -122,7 +122,7 @@ class Recording:
         A usual run is one part, itself. So whatever is computed tick by tick, part after part, needs little memory for
         a very long run, and has the same bits for all others.
         """
-        if self.span(plant)[1] <= PART_TICKS or self.at:
+        if self.is_one_part(plant):
             yield self
             return
         begins = {**self._begins, plant: self.first_tick(plant)}
@@ -140,6 +140,10 @@ class Recording:
             return self.at[plant], np.concatenate([samples for _, samples in chunks])
         ticks = [first + self.every * np.arange(samples.shape[0], dtype=np.int64) for first, samples in chunks]
         return np.concatenate(ticks), np.concatenate([samples for _, samples in chunks])
+
+    def is_one_part(self, plant: str) -> bool:
+        """Whether all samples of a plant are looked at together."""
+        return self.span(plant)[1] <= PART_TICKS or bool(self.at)
 
     def once(self, what: str, of: str, make: Callable[[], _Made]) -> _Made:
         """What follows from the messages alone, made once for all parts."""

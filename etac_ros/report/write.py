@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from etac_ros.errors import BagError, EtacError
+from etac_ros.report.beside import Beside, Work, here
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered, vector_files
@@ -53,6 +54,7 @@ def write_report(
     trust: bool = False,
     figures: Path | None = None,
     say: Callable[[str], None] = lambda step: None,
+    forks: bool = False,
 ) -> Path:
     """Draw a report from bags alone: one PNG file a figure, and one page that shows them all, to zoom and read off.
 
@@ -72,6 +74,8 @@ def write_report(
         Folder for the figures as SVG and PDF, made if it is not there; None writes none.
     say
         Told what is being done.
+    forks
+        Whether pictures may be drawn by a second process as well, which is forked of this one: where no thread runs.
 
     Returns
     -------
@@ -99,11 +103,11 @@ def write_report(
         folder.mkdir(parents=True, exist_ok=True)
         if figures is not None:
             figures.mkdir(parents=True, exist_ok=True)
-        drawn = []
+        drawn, elsewhere = [], Beside() if forks else here
         for kind in FIGURES:
             if kind.applies(view):
                 say(f"{bag}: drawing {kind.name}")
-                drawn.append(_drawn(kind, view))
+                drawn.append(_drawn(kind, view, elsewhere))
                 (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
                 if figures is not None:
                     for ending, data in vector_files(partial(kind.draw, view), kind.size_in(view)).items():
@@ -127,9 +131,9 @@ def baseline_beside(bag: Path, run: ReportedRun) -> tuple[Path, ...]:
     return (beside,) if variant is not None and not run.is_baseline and beside.is_dir() else ()
 
 
-def _drawn(kind: FigureKind, view: View) -> Drawn:
+def _drawn(kind: FigureKind, view: View, elsewhere: Callable[[Work], Work]) -> Drawn:
     def draw(figure: Figure, theme: Theme) -> None:
         kind.draw(view, figure, theme)
 
     dpi = _OVERVIEW_DPI if kind.name == "overview" else PAGE_DPI
-    return Drawn(kind, rendered(draw, kind.size_in(view), dpi))
+    return Drawn(kind, rendered(draw, kind.size_in(view), dpi, elsewhere))

@@ -38,6 +38,10 @@ _WAIT_S = 0.05
 """Longest wait for a message before signals and the parent process are looked at."""
 
 _ROLL_CALL_S = 1.0
+_END_WITHIN_S = 20
+"""How long a node that is started by hand may take to end after a signal."""
+_COLLECT_S = 2.0
+"""How long a node that gives up still takes what comes: others may go on sending, faster than it takes."""
 _GATHER_S = 0.005
 """How long the recorder lets messages gather; nobody waits for it before the end."""
 _LOOK_S = 0.1
@@ -304,8 +308,12 @@ class Host:
     def _give_up(self, error: BaseException) -> None:
         """Save what can be saved, and tell the others. Never hides the error it is called for."""
         text = str(error) if isinstance(error, EtacError) else f"{type(error).__name__}: {error}"
-        while self._spinner.once(0.0):
-            pass  # what has already arrived belongs into the bag
+        deadline = time.monotonic() + _COLLECT_S
+        try:
+            while self._spinner.once(0.0) and time.monotonic() < deadline:
+                pass  # what has already arrived belongs into the bag
+        except Exception as secondary:
+            print(f"while collecting what has arrived: {secondary}", file=sys.stderr, flush=True)
         for node in self._nodes:
             node.log(text, error=True)
             try:
@@ -334,3 +342,7 @@ class Host:
 
     def _on_signal(self, number: int, frame: Any) -> None:
         self.ended_by = number
+        if self._supervised is None:
+            # Nobody ends it if it cannot: what it says may be read by nobody, or DDS may hang. An alarm, which is left
+            # to the system, needs neither this loop nor Python.
+            signal.alarm(_END_WITHIN_S)

@@ -153,6 +153,15 @@ class TimedNode(RunNode):
         return 0 if self.plan.birth is None else self.plan.birth.incarnation
 
     def _on_start(self, content: Any, sequence: int) -> None:
+        if self.started:
+            return
+        if "t0_ns" not in content:
+            raise RunError(
+                f"node {self.name}",
+                f"runs in real time, and {COORDINATOR} has begun a run in simulated time",
+                "the same time for all nodes",
+                "start all nodes with the same --clock",
+            )
         if self.plan.birth is None:
             super()._on_start(content, sequence)
         # Who comes later is told when it is let in: it has heard this, and the coordinator has not heard of it yet.

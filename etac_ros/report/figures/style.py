@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from etac_ros.report.beside import Work, here
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -103,13 +105,21 @@ class Rendered:
     """PNG files of a figure: for a light and a dark page, and to stand alone; and the light figure itself."""
 
     light: bytes
-    dark: bytes
     alone: bytes
     figure: Figure
+    drawn_dark: Work
+
+    @property
+    def dark(self) -> bytes:
+        """Waits for it, where it is drawn elsewhere."""
+        return self.drawn_dark()
 
 
 def rendered(
-    draw: Callable[[Figure, Theme], None], size_in: tuple[float, float], alone_dpi: int = PAGE_DPI
+    draw: Callable[[Figure, Theme], None],
+    size_in: tuple[float, float],
+    alone_dpi: int = PAGE_DPI,
+    elsewhere: Callable[[Work], Work] = here,
 ) -> Rendered:
     """Draw a figure; the same drawing always gives the same bytes.
 
@@ -121,6 +131,8 @@ def rendered(
         Width and height [in].
     alone_dpi
         Pixels an inch of the file that stands alone, which is light.
+    elsewhere
+        Who draws it in the dark.
     """
     with _look(LIGHT):
         figure = _filled(draw, size_in, LIGHT)
@@ -130,9 +142,12 @@ def rendered(
             figure.set_layout_engine("none")
             figure.set_dpi(alone_dpi)
             alone = _png(figure)
-    with _look(DARK):
-        dark = _png(_filled(draw, size_in, DARK, like=figure))
-    return Rendered(light, dark, alone, figure)
+
+    def in_the_dark() -> bytes:
+        with _look(DARK):
+            return _png(_filled(draw, size_in, DARK, like=figure))
+
+    return Rendered(light, alone, figure, elsewhere(in_the_dark))
 
 
 def vector_files(draw: Callable[[Figure, Theme], None], size_in: tuple[float, float]) -> dict[str, bytes]:
