@@ -28,7 +28,7 @@ from etac_ros.tables.table import Table
 from etac_ros.tables.terminal import make_console, show
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "performance.md"
-ORDER = ("speed", "hop", "inprocess", "sweep", "command", "memory", "disk", "formation", "anchors")
+ORDER = ("speed", "hop", "inprocess", "sweep", "command", "memory", "long", "disk", "formation", "anchors")
 """Sections of the page from above to below; each is a bench, or part of one that writes several."""
 _PACKAGES = ("numba", "numpy", "scipy", "pydantic", "ros-jazzy-rclpy")
 

@@ -257,6 +257,41 @@ def test_a_spinner_hands_out_what_is_there_in_the_order_of_its_subscriptions(mon
     assert order[2:] == ["late"]
 
 
+def test_what_a_process_sends_to_itself_is_taken_without_waiting_and_others_have_their_turn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    waits: list[list[int]] = []
+
+    class Watched(WaitSet):
+        def wait(self, nanoseconds: int) -> None:
+            waits.append([handle.pointer for handle in self._handles])
+
+    monkeypatch.setattr(endpoints, "_rclpy", SimpleNamespace(WaitSet=Watched))
+    monkeypatch.setattr(endpoints, "_OWN_IN_TURN", 3)
+    bus = Bus()
+    heard: list[str] = []
+    spinner = Spinner(SimpleNamespace(handle=None))
+    ends = {}
+    for name in ("own", "other"):
+        ends[name] = Subscription(bus.node(name), String, f"/{name}", lambda _, __, name=name: heard.append(name))  # type: ignore
+        spinner.add(ends[name])
+    own = Publisher(bus.node("own"), String, "/own")  # type: ignore[arg-type]
+    own.on_sent = spinner.sent
+    say(own, *"abcde")
+    say(Publisher(bus.node("far"), String, "/other"), "x")  # type: ignore[arg-type]
+    for _ in range(3):
+        assert spinner.once(1.0)
+    assert (heard, waits) == (["own"] * 3, [])
+    assert spinner.once(1.0)  # a glance at what comes from elsewhere
+    assert heard == ["own"] * 3 + ["other"]
+    assert waits == [[ends["other"].handle.pointer]]
+    assert spinner.once(1.0)
+    assert spinner.once(1.0)
+    assert heard[4:] == ["own"] * 2
+    assert spinner.once(0.0) is False
+    assert len(waits[-1]) == 2
+
+
 def test_nodes_of_a_process_share_what_is_told_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(endpoints, "_rclpy", SimpleNamespace(WaitSet=WaitSet))
     bus = Bus()

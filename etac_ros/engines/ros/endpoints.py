@@ -359,11 +359,22 @@ class Spinner:
         self._own: deque[Taker] = deque()
         """Those to which this process has sent something that they have not taken."""
         self._own_in_turn = 0
+        self._sent_here: set[str] = set()
+        self._seen_sent = 0
+        self._others: list[Any] = []
 
     def sent(self, topic: str) -> None:
         """Take note that this process has sent a message, perhaps to itself."""
         if topic in self._by_topic:
             self._own += self._by_topic[topic]
+            self._sent_here.add(topic)
+
+    def _handles_of_others(self) -> list[Any]:
+        """Of the topics that this process does not send on itself; the others are waited for when it has no more."""
+        if self._seen_sent != len(self._sent_here):
+            self._seen_sent = len(self._sent_here)
+            self._others = [one.handle for one in self._subscriptions if one.topic not in self._sent_here]
+        return self._others
 
     def serve(self, services: Iterable[Any]) -> None:
         """Answer requests to these services, too: those of nodes that ROS tools are shown."""
@@ -398,9 +409,12 @@ class Spinner:
             self._wait_set = _rclpy.WaitSet(
                 len(self._subscriptions), 0, 0, 0, len(self._services), 0, self._context.handle
             )
+        handles = self._handles
+        if self._own:  # only a glance at what others send
+            handles, timeout_s = self._handles_of_others(), 0.0
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for handle in self._handles:
+        for handle in handles:
             wait_set.add_subscription(handle)
         for service in self._services.values():
             wait_set.add_service(service.handle)
@@ -412,7 +426,7 @@ class Spinner:
                 _answer(self._services[pointer])
         ready = wait_set.get_ready_entities("subscription")
         if not ready:
-            return False
+            return bool(self._own)
         ends = [self._by_pointer[pointer] for pointer in ready]
         for _, subscription in sorted(ends, key=itemgetter(0)) if len(ends) > 1 else ends:
             if self._gather_s:
