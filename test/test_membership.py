@@ -261,6 +261,18 @@ def test_what_is_lost_is_counted_with_one_death_only() -> None:
     assert again.unknown == 0  # it was never there to take any
 
 
+def test_what_was_lost_to_a_death_does_not_wait_for_a_stall() -> None:
+    """The process that takes the first one's place stands still before it is in the run, and goes on after that."""
+    boot = fault(20.0, "/controller", "restart", 10.0)
+    often = ["duration_s=60", "sensor.trigger.period_s=0.25"]
+    run = network(load("wu2018", "periodic", [*often, boot]), 2000 * MS)
+    hangs = load("wu2018", "periodic", [*often, boot, fault(31.0, "/controller", "stall", 3.0, "hang")])
+    boots, hang = fault_accounts(hangs.build().in_real_time(), run.recording).values()
+    assert boots.joined_s == pytest.approx(32.0)
+    assert boots.missed == pytest.approx(12.0 / 0.25, abs=1)
+    assert hang.waited == pytest.approx(2.0 / 0.25, abs=1)
+
+
 def notes(sensor: int, recorder: int, controller: int | None, incarnation: int = 0) -> dict[str, dict[str, Any]]:
     """Last words about one topic; ``controller`` is None where it is dead."""
     topic = "/filtered_error"

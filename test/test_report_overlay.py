@@ -222,7 +222,7 @@ def test_time_axes_end_with_the_longest_run(folder: Path) -> None:
 
 def test_late_figures_say_from_when_on_for_each_run(folder: Path) -> None:
     (note,) = tables.performance_table(view_of(folder, "plain", "smc")).notes
-    assert note.startswith(f"* from {steady_from(view_of(folder, 'plain').run):g} s on.")
+    assert note.startswith(f"* at the end, which comes before {steady_from(view_of(folder, 'plain').run):g} s.")
     (note,) = tables.performance_table(changed_late(folder)).notes
     assert note.startswith("* from 7 s on (this run), ")
 

@@ -134,6 +134,15 @@ def test_no_line_is_wider_than_the_terminal_and_none_is_too_many(
     assert plain(view).startswith("title: ")
 
 
+def test_narrow_terminals_lose_columns_before_they_lose_names() -> None:
+    graph = SCENARIOS["stall"].graph
+    view = made_up(graph, 10**6, 0.5, 1.0)
+    narrow, wide = lines(view, 64, 40), lines(view, 100, 40)
+    for link in graph.links.values():
+        assert any(line.startswith(f"{link.topic} ") for line in narrow)
+    assert [any("CDR" in line for line in shown) for shown in (narrow, wide)] == [False, True]
+
+
 def made_up(graph: Graph, count: int, share: float, error: float) -> View:
     picture = Picture(
         tick=int(share * graph.end_tick),

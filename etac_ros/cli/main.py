@@ -219,6 +219,11 @@ def run(
         if engine is Engine.inprocess and bag is None and port is None:
             found = "is for the state in a bag, and by calls none is written unless --bag says where"
             raise ScenarioError(f"--state-rate {state_rate:g}", found, "", "add --bag DIR, or leave it out")
+    if engine is Engine.inprocess and bag is None:
+        for option, value in (("--truth", truth), ("--compression", compression and compression.value)):
+            if value is not None:
+                found = "is for a bag, and by calls none is written unless --bag says where"
+                raise ScenarioError(f"{option} {value}", found, "", "add --bag DIR, or leave it out")
     options = RosOptions(
         processes.value,
         domain,

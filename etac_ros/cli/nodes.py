@@ -139,8 +139,8 @@ def play(
             f"{scenario.path}: {COORDINATOR}", f"lives in the process of {plan.timekeeper_with}, the only plant",
             "", f"start {plan.timekeeper_with}; a coordinator of its own is for several plants",
         )  # fmt: skip
-    _check_who_can(plan, name, pace, live)
-    directory = bag or Path()
+    _check_who_can(plan, name, pace, live, bag)
+    directory = Path()
     if name == RECORDER:
         directory = bag or free_bag_directory(scenario)
         check_writable(directory)
@@ -161,7 +161,7 @@ def play(
     leave_process(0)
 
 
-def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) -> None:
+def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None, bag: Path | None = None) -> None:
     """Refuse what only another node of the run can do."""
     from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
 
@@ -177,6 +177,8 @@ def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None) 
         if name != RECORDER:
             raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
         check_live(live)
+    if bag is not None and name != RECORDER:
+        raise ScenarioError(f"{name}: --bag {bag}", "is written by the recorder", "", f"give it to {RECORDER}")
 
 
 def _show_outcome(scenario: Scenario, plan: Plan, name: str, directory: Path, outcome: Outcome | None) -> None:

@@ -101,6 +101,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if options.machines is not None:
         _check_machines(options, options.machines)
     if options.only is not None:
+        if options.domain is None:
+            raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
         console.print(f"{scenario.name}: {options.only} joins ROS domain {options.domain}")
         if play_part(scenario, options):
             console.print(f"{options.only}: the run is over")

@@ -34,6 +34,7 @@ from etac_ros.metrics.cells import (
     paper_cells,
     performance_cells,
     printed,
+    steady_note,
     topic_cells,
     topic_type,
     totals_of,
@@ -215,7 +216,7 @@ def _performance(summary: Summary) -> Table:
     if summary.baseline is not None:
         runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
     rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
-    note = f"error and rate at the end, * from {summary.steady_from_s:g} s on"
+    note = f"error and rate at the end, {steady_note(summary.steady_from_s, summary.duration_s)}"
     columns = "plant", *PERFORMANCE_SHORT, energy_heading(runs.values())
     table = Table("", columns, rows, (note,)).without_empty_columns()
     return table if len(table.columns) > 2 else replace(table, notes=())
@@ -228,7 +229,8 @@ def _watched(summary: Summary) -> Table:
         for place, watch in enumerate(watched)
     )
     columns = ("watched", "quantity", *WATCHED)
-    return Table("", columns, rows, (f"* from {summary.steady_from_s:g} s on",), frozenset({"quantity", "axis"}))
+    notes = (steady_note(summary.steady_from_s, summary.duration_s),)
+    return Table("", columns, rows, notes, frozenset({"quantity", "axis"}))
 
 
 def show_bag(bag: Path, console: Console) -> None:

@@ -183,6 +183,8 @@ class _Row:
 
 
 _HEADINGS = ("topic", "", "messages", "payload [B]", "CDR [B]", "last [s]")
+_SPARE = (_HEADINGS.index("CDR [B]"), _HEADINGS.index("last [s]"))
+"""Columns that are left out where there is no room, in this order."""
 
 
 def _topics(view: View) -> Iterator[_Row]:
@@ -198,13 +200,17 @@ def _flow_cells(flow: Flow, link: Link, view: View) -> tuple[str, ...]:
 
 
 def _table(rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
-    """Rows whose first column gives way where they are too wide."""
+    """Rows that leave out columns where they are too wide, and then cut the first one."""
     widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
-    others = sum(widths[1:]) + _GAP * (len(widths) - 1)
+    shown = list(range(len(widths)))
+    for spare in _SPARE:
+        if sum(widths[place] + _GAP for place in shown) - _GAP > width:
+            shown.remove(spare)
+    others = sum(widths[place] + _GAP for place in shown[1:])
     first = max(1, min(widths[0], width - others))
     for row in rows:
         kind = f"{row[1]:<{widths[1]}}"
-        numbers = (f"{cell:>{size}}" for cell, size in zip(row[2:], widths[2:], strict=True))
+        numbers = (f"{row[place]:>{widths[place]}}" for place in shown[2:])
         yield (" " * _GAP).join([_cut(row[0], first).ljust(first), kind, *numbers])
 
 

@@ -126,7 +126,9 @@ def _death(graph: Graph, recording: Recording, fault: Fault) -> _Death:
 def _arrived_during(graph: Graph, recording: Recording, link: Link, fault: Fault) -> int:
     """What would have arrived at the node while it was down."""
     if recording.wall is not None:  # to a process that stands still: nobody knows when it would have arrived
-        return sum(fault.covers(message.tick) for message in recording.messages[link.name])
+        lost = [death.down for death in down_in_real_time(graph, recording, fault.node)]  # on its way into the run
+        sent = (message.tick for message in recording.messages[link.name] if fault.covers(message.tick))
+        return sum(not any(tick in down for down in lost) for tick in sent)
     present = replace(link, channel=replace(link.channel, down={}))
     if link.acknowledged is None:
         arrived = deliveries(graph, recording, present, fault.node)

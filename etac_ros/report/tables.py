@@ -24,6 +24,7 @@ from etac_ros.metrics.cells import (
     medium_account_cells,
     paper_cells,
     performance_cells,
+    steady_note,
     topic_type,
     totals_of,
     watched_cells,
@@ -307,11 +308,10 @@ def _of_runs(
 
 
 def _steady_note(view: View) -> str:
-    starts = [run.summary.steady_from_s for run in view.runs]
-    if len(set(starts)) == 1:
-        return f"* from {starts[0]:g} s on."
-    of_runs = (f"{start:g} s on ({name})" for start, name in zip(starts, view.labels, strict=True))
-    return f"* from {', '.join(of_runs)}."
+    notes = [steady_note(run.summary.steady_from_s, run.summary.duration_s) for run in view.runs]
+    if len(set(notes)) == 1:
+        return f"{notes[0]}."
+    return f"* {', '.join(f'{note[2:]} ({name})' for note, name in zip(notes, view.labels, strict=True))}."
 
 
 def _overrides(values: dict[str, Any]) -> str:
