@@ -118,6 +118,9 @@ def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[
     # What stands in for a class of a recorded run has watches of its own, which its class does not.
     if not count or getattr(type(graph.modules[module]), "watches", None) is Module.watches:
         return first, ()
+    watching = graph.modules[module]
+    if isinstance(watching, PlantModule) and not hasattr(watching.plant, "watches"):
+        return first, ()
     _, states = recording.samples(plant)
     return first, graph.modules[module].watches(Window(plant, 1, first, np.ascontiguousarray(states)))
 

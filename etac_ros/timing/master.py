@@ -146,7 +146,8 @@ class TimeMaster:
             if not self.is_halted():
                 # Whose input has changed, and whose window is used up.
                 renewed = [plant for plant in plants if plant in touched or self._proposals[plant] == tick]
-                yield from self._look(tick, renewed, touched & self._lookers)
+                touched.intersection_update(self._lookers)
+                yield from self._look(tick, renewed, touched)
         if not self.is_halted():
             self.tick = end
         if self._air is not None:
@@ -251,7 +252,7 @@ class TimeMaster:
         messages: tuple[MessageId, ...] = tuple(in_order)  # type: ignore[arg-type]  # what was settled is out by now
         if self._with_history and (messages or not ends):
             self._delivered(module, tick, messages)
-        return Deliver(module, tick, step, messages, self._epoch(module), ends)
+        return Deliver(module, tick, step, messages, self._opened.get(self._reads[module], 0), ends)
 
     def _delivered(self, module: str, tick: int, messages: tuple[MessageId, ...]) -> None:
         told = tick if self._knows_ticks[module] else None
