@@ -115,7 +115,8 @@ def show(console: Console, there: list[Way], rounds: int, write: bool) -> None:
         f"The rigid body of wu2018 over {DURATION_S:,.0f} s on the grid of 32 Hz, at rest and turned by q_v = (0.1, "
         f"-0.08, 0.06), with its rule, law and hold: {max(BY_HAND.triggers)} triggering instants. Loop only; every "
         "program has the same compiled formulas of a user, and carries values and time in its own way. Slow ones run "
-        f"a part of it. All in turns, {rounds} rounds with {REPEATS} loops each, one of etac_ros over DDS and of slow ones."
+        f"a part of it. All in turns, {rounds} rounds with {REPEATS} loops each, one of etac_ros over DDS and of slow "
+        "ones."
     )
     rows = []
     for way in (IN_PROCESS, OVER_DDS, *there):
