@@ -141,7 +141,7 @@ def show(console: Console, there: list[Way], rounds: int, write: bool) -> None:
         "loop, least [s]",
         "loop, median [s]",
         "simulated s a second",
-        "etac_ros is faster by",
+        "etac_ros: times as fast",
     )
     missing = sorted({way.distribution for way in OTHERS} - {way.distribution for way in there})
     notes = (f"Not installed, so not measured: {', '.join(missing)}.",) if missing else ()

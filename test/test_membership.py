@@ -19,6 +19,7 @@ from etac_ros.engines.ros.plan import RECORDER, Plan
 from etac_ros.engines.ros.wall_check import mismatch
 from etac_ros.graph.faults import Fault, FaultKind
 from etac_ros.graph.ledger import Event
+from etac_ros.graph.module import Window
 from etac_ros.graph.replay import deliveries, down_in_real_time, trigger_ticks
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.metrics.cells import fault_notes
@@ -27,6 +28,8 @@ from etac_ros.report.source import read_run
 from etac_ros.runs import RosOptions, run_over_ros, windows_of
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.timing.membership import NUMBERS, Membership, Succession, birth_ns, births_ns, surely_there
+from etac_ros.timing.wall import WallModule
+from etac_ros.timing.worker import Send
 
 MS = 10**6
 CLOCK = WallClock(1_000 * MS, 100, Fraction(1))
@@ -199,6 +202,25 @@ def test_who_has_come_back_sends_its_first_sample_and_misses_nothing_twice() -> 
     joined = next(entry.tick for entry in run.ledgers["/sensor"] if entry.event is Event.JOINED)
     assert joined == (30 * 32) + 16
     assert min(tick for tick in ticks if tick >= 20 * 32) in (joined + 1, joined + 2)
+
+
+def test_ticks_from_before_it_was_in_are_not_made_up_for() -> None:
+    """Its first window may have come before the coordinator let it in."""
+    often = ["duration_s=10", "sensor.trigger.period_s=0.03125"]
+    graph = load("wu2018", "periodic", often).build()
+    done: list[Any] = []
+    sensor = WallModule(graph, "/sensor", done.append, 1)
+    clock = WallClock(0, 32, Fraction(1))
+    samples = np.tile(graph.modules["/plant"].state, (60, 1))  # type: ignore[attr-defined]
+    sensor.on_window(Window("/plant", 7, 90, samples), clock.instant_ns(95))
+    sensor.begin(clock, clock.instant_ns(100), since=94)
+    assert done == []
+    assert sensor.next_wake_ns() == clock.instant_ns(101)
+    sensor.progress(clock.instant_ns(101))
+    assert [(type(one), one.tick) for one in done] == [(Send, 101)]
+    assert sensor.missed == 0
+    events = [(entry.event, entry.tick, entry.sequence) for entry in sensor.take_ledger()]
+    assert events == [(Event.JOINED, 100, 0), (Event.WOKEN, 101, 0), (Event.SENT, 101, NUMBERS + 1)]
 
 
 def test_what_it_cost_is_counted_and_what_nobody_knows_is_said() -> None:

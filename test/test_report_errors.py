@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 from etac_ros.bag.from_recording import write_recording
+from etac_ros.bag.read import read_bag
 from etac_ros.errors import BagError, EtacError
+from etac_ros.maths.wall_clock import WallClock
 from etac_ros.report import ReportError, write_report
+from etac_ros.report.plausible import check_fit
 from etac_ros.runs import SCENARIO_ATTACHMENT, Run, bag_metadata, run_in_process
 from etac_ros.scenario.load import load
 
@@ -118,3 +123,14 @@ def test_importing_the_room_costs_neither_ros_nor_matplotlib() -> None:
     code = "import sys, etac_ros.report; print({'rclpy', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_in_real_time_who_is_late_may_send_after_the_end_and_in_simulated_time_nobody_does(recorded: Run) -> None:
+    assert recorded.bag is not None
+    graph, found = recorded.scenario.graph, read_bag(recorded.bag)
+    (first, *_) = recorded.recording.messages["filtered_error"]
+    late = [first._replace(tick=graph.end_tick + 1)]
+    simulated = replace(recorded.recording, messages={**recorded.recording.messages, "filtered_error": late})
+    with pytest.raises(BagError, match=f"was sent at tick {graph.end_tick + 1}"):
+        check_fit(recorded.bag, found, graph, simulated)
+    check_fit(recorded.bag, found, graph, replace(simulated, wall=WallClock(0, 32, Fraction(1))))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from etac_ros.bag.read import read_bag
-from etac_ros.cli.nodes import play
+from etac_ros.cli.nodes import join_domain
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment, take_domain
 from etac_ros.engines.ros.environment import (
     SET_ASIDE,
@@ -92,7 +92,7 @@ def test_nothing_is_said_of_a_plain_environment(tmp_path: Path) -> None:
 def test_a_node_that_could_meet_nobody_is_refused(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(name, value)
     with pytest.raises(ScenarioError, match=f"{name}={value} in the environment") as caught:
-        play("sensor", ["wu2018"])
+        join_domain()
     assert f"unset {name}" in caught.value.remedy
 
 

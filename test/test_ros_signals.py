@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -16,6 +17,7 @@ from etac_ros.bag.read import read_bag
 from etac_ros.engines.ros.signals import ENDING, EndedBySignal, SignalGuard
 
 LIMIT_S = 60
+LOOK_S = 0.02
 FOREVER = ["--set", "duration_s=100000", "--set", "sensor.trigger.period_s=0.25", "--set", "baseline=null"]
 
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -52,7 +54,8 @@ def children(run: subprocess.Popen[str], until: Callable[[list[psutil.Process]],
         found = psutil.Process(run.pid).children()
         if until(found):
             return found
-        os.sched_yield()
+        with suppress(subprocess.TimeoutExpired):
+            run.wait(LOOK_S)  # and leaves the processor to it
     raise AssertionError(run.communicate()[0])
 
 

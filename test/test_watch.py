@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from toy import toy
 
+from etac_ros.bag.monitor import Monitor
 from etac_ros.cli import watch
 from etac_ros.cli.nodes import _check_who_can
 from etac_ros.engines.ros.domain import DomainLease, leased_domains
-from etac_ros.engines.ros.listener import Told
+from etac_ros.engines.ros.listener import RunListener, Told
 from etac_ros.engines.ros.plan import Plan
 from etac_ros.errors import ScenarioError
 from etac_ros.scenario.load import Scenario, load
@@ -69,3 +70,46 @@ def test_who_can_be_asked_to_slow_down_and_to_show(tmp_path: Path) -> None:
             _check_who_can(plan, keeper, 0.0, None)
         with pytest.raises(ScenarioError, match="give it to /recorder"):
             _check_who_can(plan, keeper, None, 8765)
+
+
+class Heard(RunListener):
+    """A listener that is told what others would hear over DDS."""
+
+    def __init__(self, scenario: Scenario, clock: str) -> None:
+        self._told = told_by(scenario)
+        self._links = dict(scenario.graph.links)
+        self._by_topic = {link.topic: link for link in self._links.values()}
+        self._wall = None
+        self._over = None
+        self._logs = 0
+
+
+def test_in_simulated_time_the_message_log_tells_of_all_and_who_comes_late_says_so() -> None:
+    scenario = load("xie2021", "radio", ["duration_s=3"])
+    heard, monitor = Heard(scenario, ""), Monitor(scenario.graph)
+    air = {"tick": 500, "fates": [["sc1_state", 4, 1, 499_000_000, 500_000_000, 500_320_000, 500_320_000]]}
+    transits = [["sc1_state", 4, 499, 0], ["sc1_state", 5, 700, 0], ["sc1_feedback", 5, 700, 0]]
+    heard._on_message_log(monitor, {"log": 7, "transits": transits, "air": air})
+    flow = monitor.picture.flows["sc1_state"]
+    assert (flow.messages, flow.payload_bytes, flow.cdr_bytes, flow.last_tick) == (5, 120, 200, 700)
+    assert monitor.picture.from_tick == 499
+    assert monitor.picture.fired["/sc1/sensor"] == 5
+    (traffic,) = monitor.picture.air.values()
+    assert (traffic.frames, traffic.waiting, traffic.busy_ns, traffic.waited_ns) == (1, 1, 320_000, 1_000_000)
+    heard._on_stop(monitor, {"fault": "", "sent": {"sc1_state": 6, "sc2_state": 2}, "tick": 3000})
+    assert (flow.messages, monitor.picture.flows["sc2_state"].messages, monitor.picture.tick) == (6, 2, 3000)
+
+
+def test_in_real_time_numbers_and_times_of_messages_tell() -> None:
+    scenario = load("wu2018", None, ["duration_s=10"])
+    heard, monitor = Heard(scenario, "wall"), Monitor(scenario.graph)
+    link = scenario.graph.links["filtered_error"]
+    heard._on_start({"t0_ns": 10**9, "ticks_per_second": 32, "rate": "2"})
+    heard._on_message(monitor, link, b"", 3, 10**9 + 500_000_000)
+    flow = monitor.picture.flows["filtered_error"]
+    assert (flow.messages, flow.cdr_bytes, flow.last_tick) == (3, 48, 32)
+    heard._on_leave(monitor, {"sent": {"/filtered_error": [4, 64], "/emulation/x": [9, 9]}})
+    assert (flow.messages, flow.last_tick) == (4, 32)
+    heard._on_stop(monitor, {"fault": "it burns", "tick": 40})
+    assert heard._fault == "it burns"
+    assert heard._over is not None

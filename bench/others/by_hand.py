@@ -78,4 +78,4 @@ def run(duration_s: float) -> tuple[float, int]:
 
 if __name__ == "__main__":
     run(1.0)  # compiles
-    workload.report(run, "numba", "numpy")
+    workload.report(run, "numba")

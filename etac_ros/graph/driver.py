@@ -7,7 +7,7 @@ and where its values are rounded to the wire.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -106,7 +106,7 @@ class Driver:
         sample = self._sample(tick)
         self._advance(tick)
         outputs = self._component.call("fire", tick, sample)
-        return self._sent("fire", outputs, (sample,), self._fires)
+        return self._sent("fire", outputs, ((), sample), self._fires)
 
     def conclude(self, tick: int) -> Sent:
         """Let a module conclude that fired where nothing arrives."""
@@ -129,7 +129,6 @@ class Driver:
                 raise self._wrong_size(arrival)
         # Likewise: a value goes to several receivers.
         own = tuple([Arrival(port, link, value.copy()) for port, link, value in arrivals])
-        given = [arrival.value for arrival in arrivals]
         sample = None
         if tick is not None and self._spares:
             self._replace(tick)
@@ -137,7 +136,7 @@ class Driver:
             sample = self._sample(tick)
             self._advance(tick)
         outputs = self._component.call("receive", tick, own, sample)
-        return self._sent("receive", outputs, (*given, sample), expected)
+        return self._sent("receive", outputs, (arrivals, sample), expected)
 
     def _replace(self, tick: int) -> None:
         """Put the module that was started anew in the place of the one that died, from its first tick on."""
@@ -186,7 +185,9 @@ class Driver:
             f"{self.module.inputs[arrival.port]} components",
         )
 
-    def _sent(self, method: str, outputs: Any, given: tuple[Any, ...], expected: set[str] | None) -> Sent:
+    def _sent(
+        self, method: str, outputs: Any, given: tuple[Sequence[Arrival], FloatArray | None], expected: set[str] | None
+    ) -> Sent:
         """What goes out on each link: checked, and rounded to the wire.
 
         Parameters
@@ -196,7 +197,7 @@ class Driver:
         outputs
             What it has returned.
         given
-            What it was given: out of what is no number may come what is no number.
+            What arrived, and its sample: out of what is no number may come what is no number.
         expected
             The connected ports on which the role has promised a message, and no others; None for no such promise.
         """
@@ -217,7 +218,7 @@ class Driver:
             if type(value) is not np.ndarray or value.dtype is not _FLOAT64 or value.shape != size:
                 value = self._component.array(size, f"{method}, port '{port}',", value)
             rounded[port] = on_wire = self._wires[port].rounded(value)
-            if not all_finite(on_wire) and are_finite(given):
+            if not all_finite(on_wire) and are_finite([*(arrival.value for arrival in given[0]), given[1]]):
                 raise self._component.broken(
                     f"{method}, port '{port}',", f"sends {value.tolist()}", "finite numbers on the wire"
                 )

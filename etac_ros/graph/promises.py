@@ -109,7 +109,7 @@ class Component:
 
     def array(self, shape: tuple[int, ...], method: str, value: Any) -> FloatArray:
         """A value as a contiguous array of float64, if it is an array of numbers of a shape."""
-        if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == shape and value.flags.c_contiguous:
+        if type(value) is np.ndarray and value.shape == shape and value.dtype == _FLOAT64 and value.flags.c_contiguous:
             return value
         if not isinstance(value, np.ndarray) or value.dtype.kind not in _NUMBERS or value.shape != shape:
             raise self.broken(method, f"returned {shown(value)}", f"an array of floats of shape {shape}")

@@ -23,7 +23,7 @@ def all_finite(values: FloatArray) -> bool:
         Floating point, any shape.
     """
     if values.size <= _FEW:
-        return all(map(math.isfinite, values.ravel().tolist()))
+        return all(map(math.isfinite, (values if values.ndim == 1 else values.ravel()).tolist()))
     if values.size <= _SUMMED:
         flat = values.ravel()
         if math.isfinite(flat.dot(flat)):  # of what is no number, neither is the sum of squares

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from etac_ros.maths.compiled import inlined, kernel, source_digest
-from etac_ros.maths.scratch import scratch
+from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.parameters import FloatArray
 
 
@@ -20,7 +20,7 @@ class Criterion(NamedTuple):
     size: int
     """Components of what is watched."""
     holds: Callable[..., Any]
-    """``holds(watched, compared, parameters)``: whether to stop."""
+    """``holds(watched, row, compared, parameters)``: whether to stop; what is watched is a row of a matrix."""
     first: int
     """Where the parameters of ``holds`` begin; those of ``form`` stand before them."""
 
@@ -48,7 +48,7 @@ def _form_nothing(state, parameters, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _never(watched, compared, parameters):  # type: ignore[no-untyped-def]
+def _never(watched, row, compared, parameters):  # type: ignore[no-untyped-def]
     return False
 
 
@@ -74,8 +74,8 @@ class Propagator:
     def __init__(self, derivative: Callable[..., Any], project: Callable[..., Any], drive: Callable[..., Any]) -> None:
         self._parts = (derivative, project, drive)
         self.name = "propagate." + ".".join(map(_name, self._parts))
-        self._plain: dict[int, Callable[..., Any]] = {}
-        self._stopping: dict[tuple[int, Criterion], Callable[..., Any]] = {}
+        self._plain: dict[tuple[int, ...], Callable[..., Any]] = {}
+        self._stopping: dict[tuple[int, int, int, int, Criterion], Callable[..., Any]] = {}
 
     def __call__(
         self,
@@ -88,9 +88,11 @@ class Propagator:
         substeps: int,
     ) -> FloatArray:
         """Compute the states at ``tick + 1 .. tick + count``, shape (count, n), under a constant input ``held``."""
-        compiled = self._plain.get(state.size)
+        key = (state.size, held.size, len(parameters))
+        compiled = self._plain.get(key)
         if compiled is None:
-            compiled = self._plain[state.size] = _compiled(self.name, self._parts, state.size, _ON)
+            sizes = _sizes(state, held, parameters, held, held)
+            compiled = self._plain[key] = _compiled(self.name, self._parts, _ON, sizes)
         states: FloatArray = compiled(state, tick, count, held, parameters, ticks_per_second, substeps, held, held)
         return states
 
@@ -107,10 +109,11 @@ class Propagator:
     ) -> FloatArray:
         """As a call, but no further than the first state at which to stop."""
         criterion, watching, compared = stop
-        key = (state.size, criterion)
+        key = (state.size, held.size, len(parameters), watching.size, criterion)
         compiled = self._stopping.get(key)
         if compiled is None:
-            compiled = self._stopping[key] = _compiled(self.name, self._parts, *key)
+            sizes = _sizes(state, held, parameters, watching, compared)
+            compiled = self._stopping[key] = _compiled(self.name, self._parts, criterion, sizes)
         states: FloatArray = compiled(
             state, tick, count, held, parameters, ticks_per_second, substeps, watching, compared
         )
@@ -135,14 +138,29 @@ def _name(function: Callable[..., Any]) -> str:
     return f"{function.__module__}.{function.__qualname__}"
 
 
+class _Sizes(NamedTuple):
+    state: int
+    held: int
+    parameters: int
+    """-1 where they are no vector of numbers: then they are handed on as they are."""
+    watching: int
+    compared: int
+
+
+def _sizes(state: FloatArray, held: FloatArray, parameters: Any, watching: FloatArray, compared: FloatArray) -> _Sizes:
+    vector = isinstance(parameters, np.ndarray) and parameters.ndim == 1 and parameters.dtype == np.float64
+    return _Sizes(state.size, held.size, parameters.size if vector else -1, watching.size, compared.size)
+
+
 def _compiled(
     name: str,
     parts: tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]],
-    states_size: int,
     criterion: Criterion,
+    sizes: _Sizes,
 ) -> Callable[..., Any]:
-    """The kernel for states of a size: known beforehand, the loops over a state are unrolled."""
+    """The kernel for arrays of these sizes: known beforehand, the loops over them are unrolled."""
     derivative, project, drive = parts
+    states_size, held_size, parameters_size, watching_size, compared_size = sizes
     form, watched_size, holds, first = criterion
     digest = source_digest(*parts, form, holds)
 
@@ -159,7 +177,23 @@ def _compiled(
     ):
         digest  # noqa: B018  part of the closure: the key under which the machine code is cached
         states = np.empty((count, states_size))
-        watched = scratch(watched_size)
+        # Copies on the stack: the owners of a slice of anything else would be counted, four times a step.
+        u = scratch(held_size)
+        for a in range(held_size):
+            u[a] = held[a]
+        w = scratch(watching_size)
+        for a in range(watching_size):
+            w[a] = watching[a]
+        c = scratch(compared_size)
+        for a in range(compared_size):
+            c[a] = compared[a]
+        if parameters_size < 0:
+            p = parameters
+        else:
+            p = scratch(parameters_size)
+            for a in range(parameters_size):
+                p[a] = parameters[a]
+        watched = scratch_matrix(1, watched_size)
         x = scratch(states_size)
         y = scratch(states_size)
         k1 = scratch(states_size)
@@ -170,34 +204,34 @@ def _compiled(
             x[a] = state[a]
         rate = ticks_per_second * substeps
         h = 1.0 / rate
-        end = drive(tick * substeps / rate, parameters)
+        end = drive(tick * substeps / rate, p)
         for i in range(count):
             for j in range(substeps):
                 step = (tick + i) * substeps + j
                 begin = end
-                middle = drive((2 * step + 1) / (2 * rate), parameters)
-                end = drive((step + 1) / rate, parameters)
-                derivative(begin, x, held, parameters, k1)
+                middle = drive((2 * step + 1) / (2 * rate), p)
+                end = drive((step + 1) / rate, p)
+                derivative(begin, x, u, p, k1)
                 for a in range(states_size):
                     y[a] = x[a] + 0.5 * h * k1[a]
-                derivative(middle, y, held, parameters, k2)
+                derivative(middle, y, u, p, k2)
                 for a in range(states_size):
                     y[a] = x[a] + 0.5 * h * k2[a]
-                derivative(middle, y, held, parameters, k3)
+                derivative(middle, y, u, p, k3)
                 for a in range(states_size):
                     y[a] = x[a] + h * k3[a]
-                derivative(end, y, held, parameters, k4)
+                derivative(end, y, u, p, k4)
                 for a in range(states_size):
                     x[a] += h / 6.0 * (k1[a] + 2.0 * k2[a] + 2.0 * k3[a] + k4[a])
             project(x)
             for a in range(states_size):
                 states[i, a] = x[a]
-            form(x, watching[:first], watched)
-            if holds(watched, compared, watching[first:]):
+            form(x, w[:first], watched[0])
+            if holds(watched, 0, c, w[first:]):
                 return states[: i + 1]
         return states
 
     # The symbols of cached machine code are made of this name and of a count that begins anew in every process. Under
     # one name, the kernels of two plants that two processes have cached would get in each other's way in a third.
-    propagate.__qualname__ = f"{name}.{states_size}.{_name(form)}.{watched_size}.{_name(holds)}.{first}"
+    propagate.__qualname__ = f"{name}.{'.'.join(map(str, sizes))}.{_name(form)}.{watched_size}.{_name(holds)}.{first}"
     return kernel(propagate)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Generator, Mapping, Sequence
 from types import MappingProxyType
-from typing import cast
 
 from etac_ros.errors import ProtocolError
 from etac_ros.graph.acknowledged import End, Ended
@@ -147,7 +146,8 @@ class TimeMaster:
             if not self.is_halted():
                 # Whose input has changed, and whose window is used up.
                 renewed = [plant for plant in plants if plant in touched or self._proposals[plant] == tick]
-                yield from self._look(tick, renewed, touched & self._lookers)
+                touched.intersection_update(self._lookers)
+                yield from self._look(tick, renewed, touched)
         if not self.is_halted():
             self.tick = end
         if self._air is not None:
@@ -248,10 +248,11 @@ class TimeMaster:
                     numbers = self._numbers.of_settled(ends)
                     self.done[module] = settled(self.done[module], tick, self._epoch(module), numbers)
                 bag = [one for one in bag if isinstance(one, MessageId)]
-        messages = tuple(cast(Sequence[MessageId], bag if len(bag) == 1 else sorted(bag, key=self._in_order)))
+        in_order = bag if len(bag) == 1 else sorted(bag, key=self._in_order)
+        messages: tuple[MessageId, ...] = tuple(in_order)  # type: ignore[arg-type]  # what was settled is out by now
         if self._with_history and (messages or not ends):
             self._delivered(module, tick, messages)
-        return Deliver(module, tick, step, messages, self._epoch(module), ends)
+        return Deliver(module, tick, step, messages, self._opened.get(self._reads[module], 0), ends)
 
     def _delivered(self, module: str, tick: int, messages: tuple[MessageId, ...]) -> None:
         told = tick if self._knows_ticks[module] else None

@@ -16,25 +16,26 @@ _COLUMNS = 3
 
 
 @inlined
-def _error_and_threshold(signal, held, epsilon, r):  # type: ignore[no-untyped-def]
+def _error_and_threshold(signals, i, held, epsilon, r):  # type: ignore[no-untyped-def]
     error = 0.0
     norm = 0.0
     for j in range(3):
-        error += abs(held[j] - signal[j])
+        error += abs(held[j] - signals[i, j])
         norm += abs(held[j])
     return error, epsilon * norm + r
 
 
 @inlined
-def _holds(signal, held, p):  # type: ignore[no-untyped-def]
-    error, threshold = _error_and_threshold(signal, held, p[0], p[1])
+def _holds(signals, i, held, p):  # type: ignore[no-untyped-def]
+    error, threshold = _error_and_threshold(signals, i, held, p[0], p[1])
     return error >= threshold
 
 
 @kernel
 def _first(signals, held, p):  # type: ignore[no-untyped-def]
+    # What _holds does, which as a call within a call is compiled to four times the time.
     for i in range(signals.shape[0]):
-        error, threshold = _error_and_threshold(signals[i], held, p[0], p[1])
+        error, threshold = _error_and_threshold(signals, i, held, p[0], p[1])
         if error >= threshold:
             return i
     return -1
@@ -45,7 +46,7 @@ def _margin(signals, held, epsilon, r):  # type: ignore[no-untyped-def]
     errors = np.empty(signals.shape[0])
     thresholds = np.empty(signals.shape[0])
     for i in range(signals.shape[0]):
-        errors[i], thresholds[i] = _error_and_threshold(signals[i], held, epsilon, r)
+        errors[i], thresholds[i] = _error_and_threshold(signals, i, held, epsilon, r)
     return errors, thresholds
 
 

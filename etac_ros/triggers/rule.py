@@ -79,8 +79,8 @@ class HeldRule(TriggerRule, Protocol):
 
     holds_parameters: FloatArray
     holds: Callable[..., Any]
-    """``holds(signal, held, holds_parameters)``, as :func:`etac_ros.maths.compiled.inlined` takes it: whether a sample
-    fires."""
+    """``holds(signals, row, held, holds_parameters)``, as :func:`etac_ros.maths.compiled.inlined` takes it: whether a
+    sample fires."""
 
 
 AnyRule = TriggerRule | RuleWithMemory
