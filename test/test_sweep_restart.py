@@ -156,7 +156,8 @@ def test_a_worker_that_dies_is_an_error_and_costs_no_finished_run(small: SmallSc
     def kill_one(finished: int, planned: int) -> None:
         if finished >= 2:
             for child in workers_of(os.getpid()):
-                child.kill()
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    child.kill()
 
     with pytest.raises(RunError, match="worker process died"):
         sweep_to_file(plan, path, processes(2), kill_one)

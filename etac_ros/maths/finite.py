@@ -28,8 +28,6 @@ def all_finite(values: FloatArray) -> bool:
         flat = values.ravel()
         with np.errstate(over="ignore", invalid="ignore"):
             squares = flat.dot(flat)
-        if math.isfinite(
-            squares
-        ):  # of what is no number, neither is the sum of squares; one that overflows says nothing
+        if math.isfinite(squares):  # with one that is no number it is none; if it overflows it says nothing
             return True
     return bool(np.isfinite(values).all())
