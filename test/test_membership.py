@@ -172,8 +172,10 @@ def test_any_node_dies_and_comes_back_whatever_comes_first(name: str, duration: 
     for seed, up_ns in enumerate((0, int(duration / 10 * 1e9), int(duration * 1e9))):
         run = network(scenario, up_ns, seed)
         joined = [entry for entry in run.ledgers[node] if entry.event is Event.JOINED]
-        ((_, down),) = down_in_real_time(run.graph, run.recording, node)
+        (death,) = down_in_real_time(run.graph, run.recording, node)
+        down = death.down
         comes = up_ns < duration * 0.5 * 1e9
+        assert death.joined == (joined[0].tick if comes else None)
         assert [entry.tick < run.graph.end_tick for entry in joined] == [comes]
         assert down.start == one.from_tick
         assert (down.stop == run.graph.end_tick) is not comes
@@ -245,6 +247,18 @@ def test_what_it_cost_is_counted_and_what_nobody_knows_is_said() -> None:
     account = fault_accounts((run := network(dead, 0)).graph, run.recording)["x"]
     assert (account.joined_s, account.until_s) == (None, None)
     assert account.missed == pytest.approx(40 * 32 / period, abs=1)
+
+
+def test_what_is_lost_is_counted_with_one_death_only() -> None:
+    """The process that was to take the first one's place dies before it is in the run."""
+    deaths = [fault(20.0, "/controller", "restart", 10.0), fault(30.25, "/controller", "restart", 9.75, "again")]
+    scenario = load("wu2018", "periodic", ["duration_s=60", "sensor.trigger.period_s=0.25", *deaths])
+    run = network(scenario, 500 * MS)
+    first, again = fault_accounts(run.graph, run.recording).values()
+    assert (first.joined_s, again.joined_s) == (None, pytest.approx(40.5))
+    assert first.missed == pytest.approx(10.25 / 0.25, abs=1)
+    assert again.missed == pytest.approx(10.25 / 0.25, abs=1)
+    assert again.unknown == 0  # it was never there to take any
 
 
 def notes(sensor: int, recorder: int, controller: int | None, incarnation: int = 0) -> dict[str, dict[str, Any]]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 
+from etac_ros.graph.faults import FaultKind
+from etac_ros.maths.wall_clock import WallClock
 from etac_ros.report.figures.downtime import MARK, downtimes
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import LIGHT
@@ -54,3 +58,15 @@ def test_a_run_without_faults_says_nothing_of_them(view: View, tmp_path: Path) -
     alone = View(read_run(tmp_path / "bag"))
     assert downtimes(alone) == []
     assert not any("Shaded" in kind.words(alone) for kind in FIGURES if kind.applies(alone))
+
+
+def test_who_died_on_the_way_back_is_shaded_until_then(view: View) -> None:
+    """In real time the first restart had not come back when the second fault began; the second one has."""
+    hang, end = view.run.summary.faults.values()
+    first = end.model_copy(update={"do": FaultKind.RESTART, "at_s": 20.0, "until_s": 25.0})
+    second = first.model_copy(update={"at_s": 30.0, "until_s": 35.0, "joined_s": 36.0})
+    summary = view.run.summary.model_copy(update={"faults": {"hang": hang, "first": first, "second": second}})
+    recording = replace(view.run.recording, wall=WallClock(0, 32, Fraction(1)))
+    found = downtimes(View(replace(view.run, summary=summary, recording=recording)))
+    assert [one[:2] for one in found] == [(10.0, 15.0), (20.0, 30.0), (30.0, 36.0)]
+    assert "first (restart of /controller, from 20 s to 30 s)" in [one.words for one in found]

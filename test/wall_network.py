@@ -108,6 +108,9 @@ class WallNetwork:
 
         def revive(now: int) -> None:
             assert self._anew is not None
+            later = [one for one in self._faults if one.node == name and one.from_tick > fault.from_tick]
+            if any(one.kind is not FaultKind.STALL and self.clock.instant_ns(one.from_tick) <= now for one in later):
+                return  # killed on its way
             incarnation = restarts_of(self._faults, name).index(fault) + 1
             self._incarnation[name], self._alive[name] = incarnation, True
             for key in [key for key in self._successions if key[0] == name]:

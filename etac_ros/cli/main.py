@@ -189,7 +189,7 @@ def run(
         ),
     ] = None,
     compression: Annotated[
-        Compress | None, typer.Option(help="Of the bag's chunks; default: what the scenario says, else none.")
+        Compress | None, typer.Option(help="Of the bag's chunks; default: what the scenario says, else lz4.")
     ] = None,
     quiet_s: QuietS = QUIET_S,
     capture: Annotated[

@@ -113,7 +113,7 @@ def _noted(graph: Graph, recording: Recording, link: Link, receiver: str) -> lis
     Where that has not come (a foreign node keeps none, and of a killed one the end is lost), a message counts in the
     tick in which it was sent, and at a plant from the next one on. None of these has reached a node that was dead then.
     """
-    dead = [ticks for _, ticks in down_in_real_time(graph, recording, receiver)]
+    dead = [death.down for death in down_in_real_time(graph, recording, receiver)]
     place = list(graph.links).index(link.name)
     taken = recording.taken(receiver)
     at_plant = int(receiver in graph.plants)
@@ -128,20 +128,33 @@ def _noted(graph: Graph, recording: Recording, link: Link, receiver: str) -> lis
     return found
 
 
-def down_in_real_time(graph: Graph, recording: Recording, node: str) -> list[tuple[Fault, range]]:
-    """When a node of a run in real time had no process in it, by the fault that killed one.
+class Death(NamedTuple):
+    """When a node of a run in real time had no process in it, by the fault that killed one."""
 
-    From the tick of the fault on, until that in which the process that took its place was in the run: which it notes
-    down itself. One that has not come back was dead to the end.
+    fault: Fault
+    down: range
+    """The ticks without one; those after another fault has killed what was to take its place belong to that one."""
+    joined: int | None
+    """In which tick the process that took its place was in the run, which it notes down itself; None: it never was."""
+
+
+def down_in_real_time(graph: Graph, recording: Recording, node: str) -> list[Death]:
+    """The deaths of a node in a run in real time, in their order.
+
+    It is down from the tick of the fault on, until another process is in the run, or dies on its way.
     """
     wall = recording.wall
     assert wall is not None
     joined = {entry.other_ns: entry.tick for entry in recording.ledgers.get(node, ()) if entry.event is Noted.JOINED}
+    deadly = [fault for fault in graph.faults_of(node) if fault.kind is not FaultKind.STALL]
     found = []
-    for fault in graph.faults_of(node):
-        if fault.kind is not FaultKind.STALL:
-            back = joined.get(wall.instant_ns(fault.until_tick) - wall.start_ns, graph.end_tick)
-            found.append((fault, range(fault.from_tick, min(back + 1, graph.end_tick))))
+    for place, fault in enumerate(deadly):
+        back = joined.get(wall.instant_ns(fault.until_tick) - wall.start_ns)
+        until = deadly[place + 1].from_tick if place + 1 < len(deadly) else graph.end_tick
+        if back is not None and back < until:
+            found.append(Death(fault, range(fault.from_tick, back + 1), back))
+        else:
+            found.append(Death(fault, range(fault.from_tick, until), None))
     return found
 
 

@@ -106,10 +106,9 @@ def _death(graph: Graph, recording: Recording, fault: Fault) -> _Death:
     the bag tells what was sent, and nobody what was taken.
     """
     deaths = down_in_real_time(graph, recording, fault.node)
-    place = [one for one, _ in deaths].index(fault)
-    _, down = deaths[place]
-    lived_from = deaths[place - 1][1].stop if place else 0
-    alive = range(lived_from, fault.from_tick)
+    place = [one.fault for one in deaths].index(fault)
+    down = deaths[place].down
+    alive = range(deaths[place - 1].down.stop if place else 0, fault.from_tick)
     taken = recording.taken(fault.node)
     sent = {
         (entry.link, entry.sequence) for entry in recording.ledgers.get(fault.node, ()) if entry.event is Event.SENT
@@ -121,8 +120,7 @@ def _death(graph: Graph, recording: Recording, fault: Fault) -> _Death:
             unnoted = [m.tick for m in recording.messages[link.name] if (places[link.name], m.sequence) not in known]
             unknown += sum(tick in alive for tick in unnoted)
             missed += sum(tick in down for tick in unnoted) if link.sender != fault.node else 0
-    joined = down.stop - 1 if down.stop < graph.end_tick else None
-    return _Death(missed, unknown, joined)
+    return _Death(missed, unknown, deaths[place].joined)
 
 
 def _arrived_during(graph: Graph, recording: Recording, link: Link, fault: Fault) -> int:

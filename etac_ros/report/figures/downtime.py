@@ -26,12 +26,18 @@ class Downtime(NamedTuple):
 
 
 def downtimes(view: View) -> list[Downtime]:
-    """Of the reported run: until the node went on, in real time until its new process was in the run."""
+    """Of the reported run: until the node went on, in real time until its new process was in the run.
+
+    One that a later fault of the same node has killed on its way there is shaded with that.
+    """
     run = view.run
     found = []
-    for name, account in run.summary.faults.items():
-        restarted = run.recording.wall is not None and account.do is FaultKind.RESTART
-        back = account.joined_s if restarted else account.until_s
+    accounts = run.summary.faults
+    for name, account in accounts.items():
+        back = account.until_s
+        if run.recording.wall is not None and account.do is FaultKind.RESTART:
+            later = [one.at_s for one in accounts.values() if one.node == account.node and one.at_s > account.at_s]
+            back = min(later, default=None) if account.joined_s is None else account.joined_s
         stop = run.end_s if back is None else min(back, run.end_s)
         until = "on" if back is None else f"to {back:.6g} s"
         between = f"from {account.at_s:.6g} s {until}"
