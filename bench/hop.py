@@ -44,7 +44,7 @@ from etac_ros.timing.dispatcher import Dispatcher
 
 LAYERS = {
     "wait": "in the wait set, for a message or for the processor; most of it is idle",
-    "take": "message out of DDS, as bytes; the recorder's too",
+    "take": "message out of DDS, as bytes; of the recorder all that it does with it, too",
     "decode": "message to value, window or note",
     "module": "the module's own work: rule, law, physics",
     "master": "the time master and the worker's queues",

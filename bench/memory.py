@@ -239,7 +239,9 @@ def main(
     section.say(
         "Memory is PSS, the proportional set size: a page that several processes share counts among them in equal "
         "parts, so the total is what the graph takes of the machine, the launcher included. Each run starts from a "
-        "Python of its own, and its nodes are forked after everything is imported and compiled: most is shared."
+        "Python of its own, and its nodes are forked after everything is imported and compiled: most is shared. "
+        "Libraries that other programs have loaded meanwhile are shared with these, too: on a machine that runs other "
+        "things from the same environment totals are lower."
     )
     wanted = [(scenario, spread) for scenario in scenarios.split(",") for spread in spreads.split(",")]
     one_each = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,5 +29,14 @@ def test_one_among_many_is_found_and_large_numbers_are_numbers(strange: float, p
     values = np.full((1024, 7), 1e300)
     assert all_finite(values)
     values[place, 3] = strange
-    with np.errstate(all="raise"):
+    assert not all_finite(values)
+
+
+@pytest.mark.parametrize("many", [3, 17, 4096, 4097])
+def test_neither_large_numbers_nor_what_is_none_warns(many: int) -> None:
+    values = np.full(many, 1e300)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert all_finite(values)
+        values[0], values[-1] = np.inf, -np.inf
         assert not all_finite(values)

@@ -114,7 +114,10 @@ def test_three_parts_make_one_run(tmp_path: Path) -> None:
         output, _ = process.communicate(timeout=90)
         assert process.returncode == 0, output
         shown.append(output)
-    assert "--bag, --json, --live: no effect here; the part that keeps time records the run" in shown[0]
+    assert (
+        "--bag, --json, --live: no effect here; the part that keeps time paces and records the run, give it there"
+        in shown[0]
+    )
     assert "ws://" not in shown[0]
     assert "no effect" not in shown[1] + shown[2]
     summary = Summary.model_validate_json((tmp_path / "summary.json").read_text())

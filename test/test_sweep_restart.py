@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -155,7 +156,8 @@ def test_a_worker_that_dies_is_an_error_and_costs_no_finished_run(small: SmallSc
     def kill_one(finished: int, planned: int) -> None:
         if finished >= 2:
             for child in workers_of(os.getpid()):
-                child.kill()
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    child.kill()
 
     with pytest.raises(RunError, match="worker process died"):
         sweep_to_file(plan, path, processes(2), kill_one)
@@ -168,11 +170,12 @@ def test_a_worker_that_dies_is_an_error_and_costs_no_finished_run(small: SmallSc
 
 def workers_of(pid: int) -> list[psutil.Process]:
     """The processes that a process has started, but for the server and the tracker that start none of our runs."""
-    return [
-        child
-        for child in psutil.Process(pid).children(recursive=True)
-        if child.parent() is not None and child.parent().pid != pid  # a worker is a child of the server
-    ]
+    found = []
+    for child in psutil.Process(pid).children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):  # gone since it was listed
+            if child.ppid() != pid:  # a worker is a child of the server
+                found.append(child)
+    return found
 
 
 def command(path: Path, output: Path) -> subprocess.Popen[str]:

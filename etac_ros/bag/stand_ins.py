@@ -161,11 +161,17 @@ class StandIn:
         self.triggers = node.triggers
         self.senses = node.senses
         self.hold_ticks = node.hold_ticks
+        self.watching = True
         self.watches = rows.watches
 
 
 class RecordedPlantModule(PlantModule):
     """A plant module whose watched quantities stand in the bag."""
+
+    @property
+    def watching(self) -> bool:
+        """What it watched was recorded."""
+        return True
 
     def watches(self, window: Window) -> tuple[Watch, ...]:
         """What was watched."""

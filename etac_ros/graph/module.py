@@ -199,6 +199,11 @@ class Module:
         """
         return None
 
+    @property
+    def watching(self) -> bool:
+        """Whether it watches anything, so that it is worth while to look at all samples."""
+        return type(self).watches is not Module.watches
+
     def watches(self, window: Window) -> tuple[Watch, ...]:
         """What the module watches, over committed samples from the beginning of a run on."""
         return ()

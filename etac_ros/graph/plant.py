@@ -88,6 +88,11 @@ class PlantModule(Module):
                 return False
         return False
 
+    @property
+    def watching(self) -> bool:
+        """Whether the plant watches anything."""
+        return self._watches
+
     def watches(self, window: Window) -> tuple[Watch, ...]:
         """What the plant watches."""
         return watches_of(self.plant, window.samples)

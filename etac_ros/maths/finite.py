@@ -26,6 +26,8 @@ def all_finite(values: FloatArray) -> bool:
         return all(map(math.isfinite, (values if values.ndim == 1 else values.ravel()).tolist()))
     if values.size <= _SUMMED:
         flat = values.ravel()
-        if math.isfinite(flat.dot(flat)):  # of what is no number, neither is the sum of squares
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = flat.dot(flat)
+        if math.isfinite(squares):  # with one that is no number it is none; if it overflows it says nothing
             return True
     return bool(np.isfinite(values).all())

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from etac_ros.errors import ScenarioError
 from etac_ros.graph.graph import Graph
-from etac_ros.graph.module import Module, Window
+from etac_ros.graph.module import Window
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import energy, held_inputs, last_sent, sent_at_triggers, trigger_ticks
@@ -115,11 +115,7 @@ def watches_of_module(graph: Graph, recording: Recording, module: str) -> tuple[
     if plant is None:
         return 0, ()
     first, count = recording.span(plant)
-    # What stands in for a class of a recorded run has watches of its own, which its class does not.
-    if not count or getattr(type(graph.modules[module]), "watches", None) is Module.watches:
-        return first, ()
-    watching = graph.modules[module]
-    if isinstance(watching, PlantModule) and not hasattr(watching.plant, "watches"):
+    if not count or not graph.modules[module].watching:
         return first, ()
     _, states = recording.samples(plant)
     return first, graph.modules[module].watches(Window(plant, 1, first, np.ascontiguousarray(states)))
