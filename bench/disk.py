@@ -46,7 +46,8 @@ def main(
     rows: list[Row] = []
     for name in track(scenarios.split(","), "measuring", console=console, transient=True):
         rows += rows_of(name, runs)
-    section = Section("disk", "Bags on disk", "./scripts/bench disk", console, packages=("mcap", "lz4", "zstandard"))
+    command = f"./scripts/bench disk --scenarios {scenarios} --runs {runs}"
+    section = Section("disk", "Bags on disk", command, console, packages=("mcap", "lz4", "zstandard"))
     section.say(
         f"Runs over DDS with a process a node, {runs} rounds in turns. The recorder has a process of its own and a "
         "lower priority, so what it does with a chunk shows in the processor time of all processes, and in the loop "
