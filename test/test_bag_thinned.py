@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from etac_ros.bag.codec import encode_truth
 from etac_ros.bag.metadata import FILE_NAME
@@ -14,7 +16,8 @@ from etac_ros.bag.read import read_bag
 from etac_ros.bag.recover import recover
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.topics import truth_topic
-from etac_ros.cli.run import ticks_of_truth
+from etac_ros.cli.interrupts import Interrupted
+from etac_ros.cli.run import RunRequest, run_and_show, ticks_of_truth
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.export.tables import open_bag
 from etac_ros.graph.spool import TruthFile
@@ -145,3 +148,21 @@ def test_what_truth_says() -> None:
     for words in ("0", "-1", "every", "1.5"):
         with pytest.raises(ScenarioError, match="--truth"):
             ticks_of_truth(words)
+
+
+@pytest.mark.parametrize(("every", "by"), [(1, "(etac info, etac report)"), (7, "(etac info)")])
+def test_an_interrupt_promises_no_report_that_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, every: int, by: str
+) -> None:
+    bag = tmp_path / "bag"
+
+    def interrupted(*arguments: object) -> None:
+        bag.mkdir()
+        (bag / "bag_0.mcap").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("etac_ros.cli.run._run", interrupted)
+    request = RunRequest("wu2018", overrides=(f"truth_every={every}",), engine="inprocess", bag=bag)
+    with pytest.raises(Interrupted) as interrupt:
+        run_and_show(request, Console(file=io.StringIO()))
+    assert interrupt.value.kept.endswith(by)

@@ -121,7 +121,7 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if bag is None and request.engine == "ros":
         bag = free_bag_directory(scenario)
     try:
-        with keeping(lambda: _kept(bag)):
+        with keeping(lambda: _kept(bag, scenario.run.truth_every == 1)):
             with steps(console, f"{scenario.name}: compiling kernels, seconds the first time"):
                 warm_up(scenario)
             baseline = None if other is None else _run_baseline(other, request, bag, console)
@@ -209,11 +209,12 @@ def _check_capture(options: RosOptions) -> None:
         raise ScenarioError(f"--capture {path}", "may not be written to", "a file that may be written")
 
 
-def _kept(bag: Path | None) -> str:
-    """What an interrupt leaves of a run."""
+def _kept(bag: Path | None, all_samples: bool) -> str:
+    """What an interrupt leaves of a run; a report of one that did not end takes all its samples."""
     if bag is None or not any(bag.glob("*.mcap")):
         return "no bag was begun; the same command begins anew"
-    return f"what had happened until then is in {bag}, which is readable (etac info, etac report)"
+    by = "etac info, etac report" if all_samples else "etac info"
+    return f"what had happened until then is in {bag}, which is readable ({by})"
 
 
 def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
