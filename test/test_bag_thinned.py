@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from etac_ros.bag.codec import encode_truth
 from etac_ros.bag.metadata import FILE_NAME
@@ -17,6 +18,7 @@ from etac_ros.bag.recover import recover
 from etac_ros.bag.run_bag import RunBag
 from etac_ros.bag.topics import truth_topic
 from etac_ros.cli.interrupts import Interrupted
+from etac_ros.cli.main import app
 from etac_ros.cli.run import RunRequest, run_and_show, ticks_of_truth
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.export.tables import open_bag
@@ -74,6 +76,11 @@ def test_what_needs_every_sample_is_refused(tmp_path: Path) -> None:
         read_bag(tmp_path / "bag").recording().samples("/plant")
     tables = open_bag(tmp_path / "bag")
     assert "watched" not in tables.names
+    assert list(tables.left_out) == ["watched"]
+    with pytest.raises(BagError, match="table 'watched': there is none: the bag keeps only every 7th committed sample"):
+        tables.table("watched")
+    shown = CliRunner().invoke(app, ["export", str(tmp_path / "bag"), "--to", "npz", "--output", str(tmp_path / "to")])
+    assert "no table 'watched': the bag keeps only every 7th committed sample" in shown.stderr
     assert set(tables.table("state").column("tick").to_pylist()) == {*range(0, 1601, 7), 1600}
     page = write_report(tmp_path / "bag", output=tmp_path / "report").read_text(encoding="utf-8")
     assert "every 7th tick" in page
@@ -84,6 +91,7 @@ def test_without_samples_there_are_events_and_no_curves(tmp_path: Path) -> None:
     run_in_process(scenario_of("truth_every=0"), tmp_path / "bag")
     tables = open_bag(tmp_path / "bag")
     assert tables.names == ("triggers", "messages")
+    assert list(tables.left_out) == ["attitude", "rate", "torque", "state", "watched"]
     with pytest.raises(BagError, match="--truth none"):
         write_report(tmp_path / "bag")
 

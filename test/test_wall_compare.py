@@ -84,6 +84,7 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
         (["run", "wu2018", "--strict"], "--strict: is for --clock wall"),
         (["run", "wu2018", "--priority", "5"], "--priority 5: is for --clock wall"),
         (["run", "wu2018", "--clock", "wall", "--engine", "inprocess"], "--clock wall: is for --engine ros"),
+        (["run", "wu2018", "--engine", "inprocess", "--processes", "one"], "--processes: is for --engine ros"),
         (["run", "wu2018", "--state-rate", "inf"], "--state-rate inf: is no rate"),
         (["run", "wu2018", "--engine", "inprocess", "--truth", "7"], "--truth 7: is for a bag, and by calls none"),
         (["run", "wu2018", "--engine", "inprocess", "--compression", "lz4"], "--compression lz4: is for a bag"),

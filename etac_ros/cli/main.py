@@ -604,8 +604,12 @@ def export(
     if rate is not None and not rate > 0.0:
         raise ScenarioError(f"--rate {rate:g}", "is no rate", "samples a simulated second, more than 0")
     folder = bag / "export" if output is None else output
-    for path in write_tables(open_bag(bag, rate_hz=rate, trust=trust), to.value, folder, table or ()):
+    tables = open_bag(bag, rate_hz=rate, trust=trust)
+    for path in write_tables(tables, to.value, folder, table or ()):
         typer.echo(f"table: {path}")
+    if not table:
+        for name, why in tables.left_out.items():
+            typer.echo(f"etac: no table '{name}': {why}", err=True)
 
 
 @app.command()

@@ -238,7 +238,8 @@ def _main(executable: str) -> None:
         else:
             play_by_arguments(executable, sys.argv[1:])
     except EtacError as error:
-        print(f"{executable}: {error}", file=sys.stderr)
+        text = str(error)  # what concerns a single option says already whose it is
+        print(text if text.startswith(f"{executable} ") else f"{executable}: {text}", file=sys.stderr)
         sys.exit(2 if isinstance(error, ScenarioError) else 1)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -185,6 +185,7 @@ def _check_by_calls(request: RunRequest) -> None:
     options = request.options
     refused = {
         "--only": (options.only is not None, "is for --engine ros: by calls a run has no parts"),
+        "--processes": (options.processes != RosOptions().processes, "is for --engine ros: calls stay in one process"),
         "--capture": (options.capture, "is for --engine ros: by calls nothing is on a wire"),
         "--peers": (options.machines is not None, "is for --engine ros: calls do not leave this machine"),
         "--parameters": (options.parameters, "is for --engine ros: by calls there are no nodes to ask"),

@@ -65,7 +65,7 @@ def write_tables(bag: BagTables, kind: Format | str, folder: Path, names: Sequen
     chosen = tuple(names) or bag.names
     for name in chosen:
         if name not in bag.names:
-            raise BagError(f"{bag.path}: table '{name}'", "there is none", f"one of: {', '.join(bag.names)}")
+            raise bag.no_table(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if kind in (Format.PARQUET, Format.CSV):

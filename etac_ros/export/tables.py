@@ -107,10 +107,12 @@ class BagTables:
             "state": self._state,
             "watched": self._watched,
         }
-        if run.recording.every == 0:  # --truth none
-            self._samples = {}
-        elif run.recording.every != 1:
-            del self._samples["watched"]
+        every = run.recording.every
+        lacking = {0: self._samples.keys(), 1: ()}.get(every, ("watched",))
+        kept = "no committed samples" if every == 0 else f"only every {every}th committed sample"
+        self.left_out = dict.fromkeys(lacking, f"the bag keeps {kept} (--truth)")
+        """Tables that the bag is not enough for, each with the reason."""
+        self._samples = {name: make for name, make in self._samples.items() if name not in self.left_out}
         self._apart = frozenset({"attitude", "rate", "state"}) & self._samples.keys()
         """Tables whose rows follow from one sample each."""
         self._events = {"triggers": self._triggers, "messages": self._messages}
@@ -129,6 +131,11 @@ class BagTables:
     def ticks_per_second(self) -> int:
         """Rate of the tick grid [1/s]."""
         return self._run.graph.ticks_per_second
+
+    def no_table(self, name: str) -> BagError:
+        """The error that says that there is no such table, and why if the bag is not enough for it."""
+        found = f"there is none: {self.left_out[name]}" if name in self.left_out else "there is none"
+        return BagError(f"{self.path}: table '{name}'", found, f"one of: {', '.join(self.names)}")
 
     def table(self, name: str) -> pa.Table:
         """One of the tables.
@@ -161,7 +168,7 @@ class BagTables:
             If there is no such table.
         """
         if name not in self._samples:
-            raise BagError(f"{self.path}: table '{name}'", "there is none", f"one of: {', '.join(self.names)}")
+            raise self.no_table(name)
         return tuple(self._samples[name](self._run.recording.parts))
 
     def pieces(self, name: str) -> Iterator[pa.Table]:
