@@ -24,7 +24,7 @@ from etac_ros.parameters import FloatArray
 from etac_ros.plants.plant import bodies_of, driven_of, errors_of, has_attitude
 from etac_ros.plants.watch import Watch
 from etac_ros.scenario.document import choice
-from etac_ros.scenario.load import Scenario
+from etac_ros.scenario.load import BEARS_NOT, Scenario
 from etac_ros.scenario.schema import Measure, Published, PublishedFigure, Statistic
 
 ATTITUDE = "attitude error"
@@ -37,21 +37,6 @@ SIGNAL = "signal"
 HOLD_ERROR = "hold error"
 
 _OF_TRIGGERS = {Statistic.COUNT, Statistic.MIN_INTERVAL, Statistic.MEAN_INTERVAL, Statistic.MAX_INTERVAL}
-_BEARS_NOT = frozenset(
-    {
-        "published",
-        "title",
-        "baseline",
-        "compare",
-        "windows",
-        "state_rate_hz",
-        "truth_every",
-        "bag_compression",
-        "dispersion",
-        "tradeoff",
-    }
-)
-"""Keys of a scenario that change nothing of what is run."""
 
 
 def stands_beside_paper(scenario: Scenario) -> str | None:
@@ -59,7 +44,7 @@ def stands_beside_paper(scenario: Scenario) -> str | None:
 
     They belong to the scenario, or to its variant, as it stands in its file.
     """
-    changed = [key for key in scenario.overrides if key.partition(".")[0] not in _BEARS_NOT]
+    changed = [key for key in scenario.overrides if key.partition(".")[0] not in BEARS_NOT]
     if not changed:
         return None
     return f"the published figures belong to the scenario as it stands in its file; here {_listed(changed)} changed"

@@ -26,7 +26,7 @@ from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
-_BEARS_NOT = {
+BEARS_NOT = {
     "published",
     "title",
     "baseline",
@@ -115,12 +115,12 @@ class Scenario:
     @property
     def digest(self) -> str:
         """Digest of everything that bears on the result: processes compare it before they run together."""
-        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude=_BEARS_NOT))
+        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude=BEARS_NOT))
 
     @property
     def content_digest(self) -> str:
         """The same, but for keys of the run at their default: one that a later version adds does not change it."""
-        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude=_BEARS_NOT))
+        return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude=BEARS_NOT))
 
     def _digest(self, everywhere: Mapping[str, Any]) -> str:
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
