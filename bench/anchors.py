@@ -110,12 +110,9 @@ def main(
 
 def show(console: Console, there: list[Way], rounds: int, write: bool) -> None:
     """The table, and what it means."""
-    section = Section(
-        "anchors",
-        "What others take for the same work",
-        f"./scripts/bench anchors --rounds {rounds} --slow {slow:g}",
-        console,
-    )
+    part = min(way.duration_s for way in there)
+    command = f"./scripts/bench anchors --rounds {rounds} --slow {part:g}"
+    section = Section("anchors", "What others take for the same work", command, console)
     section.say(
         f"The rigid body of wu2018 over {DURATION_S:,.0f} s on the grid of 32 Hz, at rest and turned by q_v = (0.1, "
         f"-0.08, 0.06), with its rule, law and hold: {max(BY_HAND.triggers)} triggering instants. Loop only; every "
