@@ -43,7 +43,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 def play(tmp_path: Path, engine: str, *overrides: str) -> str:
     bag = tmp_path / "bag"
-    options = RosOptions("one")
+    options = RosOptions("one") if engine == "ros" else RosOptions()
     request = RunRequest("wu2018", None, ("duration_s=20", *overrides), engine, bag=bag, options=options)
     console = Console(file=io.StringIO(), width=200)
     run_and_show(request, console)
