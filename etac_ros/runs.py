@@ -55,7 +55,7 @@ from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
 from etac_ros.scenario.load import baseline_of as baseline_of  # for programs, too
 from etac_ros.scenario.trust import foreign_classes, own_classes_only
-from etac_ros.timing.windows import WindowPolicy, short_windows
+from etac_ros.timing.windows import WindowPolicy, check_pace, short_windows
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.plan import RealTime
@@ -679,7 +679,8 @@ def run_over_ros(
 
     began = time.perf_counter()
     windows = windows_of(scenario)
-    short_windows(windows, options.pace, scenario.run.ticks_per_second)  # refuses a pace that is none
+    if options.pace is not None:
+        check_pace(options.pace)
     check_writable(bag)
     graph = checked_graph(scenario)
     wall = real_time(options, scenario)

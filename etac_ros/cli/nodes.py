@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, NoReturn
 
 from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
+from etac_ros.cli.joining import join
 from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
-from etac_ros.engines.ros.environment import join_by_hand
 from etac_ros.engines.ros.liveness import QUIET_S
-from etac_ros.engines.ros.several_machines import find_peers, machines_of
+from etac_ros.engines.ros.several_machines import machines_of
 from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.graph.topics import emulation_topics
 from etac_ros.runs import (
@@ -34,7 +34,7 @@ from etac_ros.runs import (
     windows_of,
 )
 from etac_ros.scenario.load import Scenario, load_files
-from etac_ros.timing.windows import short_windows
+from etac_ros.timing.windows import check_pace
 
 if TYPE_CHECKING:
     from etac_ros.engines.ros.arguments import RosArguments
@@ -61,9 +61,7 @@ def join_domain(peers: str | None = None, interface: str | None = None) -> int:
         If with these settings no node could find another.
     """
     domain = domain_of_environment(os.environ) or 0
-    machines = machines_of(peers, interface)
-    find_peers(machines, domain)
-    join_by_hand(os.environ, domain, machines)
+    join(domain, machines_of(peers, interface))
     return domain
 
 
@@ -172,7 +170,7 @@ def _check_who_can(plan: Plan, name: str, pace: float | None, live: int | None, 
             raise ScenarioError(
                 f"{name}: --rate {pace:g}", found, "", f"give it to {keeper}, or add --clock wall to all"
             )
-        short_windows(plan.windows, pace, plan.graph.ticks_per_second)  # refuses a pace that is none
+        check_pace(pace)
     if live is not None:
         if name != RECORDER:
             raise ScenarioError(f"{name}: --live", "shows what the recorder writes", "", f"give it to {RECORDER}")
@@ -285,7 +283,7 @@ class OwnOptions:
 
 
 def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
-    """The options of ours on a ROS command line, the same as those of ``etac node``.
+    """The options of ours on a ROS command line, as ``etac node`` has them.
 
     Parameters
     ----------

@@ -10,9 +10,9 @@ from rich.console import Console
 
 from etac_ros.bag.clock import published_ns
 from etac_ros.bag.read import read_bag
+from etac_ros.cli.joining import join
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
-from etac_ros.engines.ros.environment import join_by_hand
-from etac_ros.engines.ros.several_machines import find_peers, machines_of
+from etac_ros.engines.ros.several_machines import machines_of
 from etac_ros.errors import BagError, ScenarioError
 from etac_ros.plain_text import one_line
 
@@ -64,9 +64,7 @@ def play_bag(
             known = ", ".join(one_line(topic.name) for topic in found.topics)
             raise BagError(f"{bag}: --topic {wanted}", "no topic begins like that", f"one of: {known}")
     chosen = [topic for topic in chosen if not topics or topic.name.startswith(tuple(topics))]
-    machines = machines_of(peers, interface)
-    find_peers(machines, domain)
-    join_by_hand(os.environ, domain, machines)  # before rclpy is loaded
+    join(domain, machines_of(peers, interface))
     from etac_ros.engines.ros.player import PlayedMessage, PlayedTopic, message_class, play_messages
 
     left_out = [topic for topic in chosen if message_class(topic.type_name) is None]

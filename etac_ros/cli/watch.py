@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from etac_ros.cli.interrupts import keeping
+from etac_ros.cli.joining import join
 from etac_ros.cli.progress import lines_now_and_then, steps
 from etac_ros.cli.screen import Screen
 from etac_ros.cli.view import plain
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment, leased_domains
-from etac_ros.engines.ros.environment import join_by_hand
-from etac_ros.engines.ros.several_machines import find_peers, machines_of
+from etac_ros.engines.ros.several_machines import machines_of
 from etac_ros.errors import ScenarioError
 from etac_ros.plain_text import one_line
 from etac_ros.scenario.classes import ForeignClassError
@@ -68,8 +68,7 @@ def watch_run(
         while True:  # a run may be over before it could be joined
             with steps(console, "waiting for a run on this machine; nodes that are started by hand: --domain N"):
                 found = _found(chosen)
-            find_peers(machines, found)
-            join_by_hand(os.environ, found, machines)  # before rclpy is loaded
+            join(found, machines)
             from etac_ros.engines.ros.listener import RunListener
 
             listener = RunListener(found)

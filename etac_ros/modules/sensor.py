@@ -160,8 +160,6 @@ class Sensor(Module):
         last, watched, sent = self._memory
         assert last == tick
         for method, values in (("evaluate", watched), ("sent", sent)):
-            if method == "sent" and sent is watched:
-                break
             if not all_finite(values) and all_finite(sample):
                 found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
                 raise self._component.broken(method, found, "finite numbers")

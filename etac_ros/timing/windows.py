@@ -42,6 +42,18 @@ USUAL_WINDOWS = WindowPolicy()
 """What a scenario gets that says nothing of windows."""
 
 
+def check_pace(pace: float) -> None:
+    """Refuse a pace at which time would stand still, or that is none.
+
+    Raises
+    ------
+    ScenarioError
+        If it is one.
+    """
+    if not 0.0 < pace < float("inf"):
+        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
+
+
 def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: int) -> WindowPolicy:
     """Windows of a run that is slowed down: none reaches further ahead than one looks.
 
@@ -52,7 +64,6 @@ def short_windows(windows: WindowPolicy, pace: float | None, ticks_per_second: i
     """
     if pace is None:
         return windows
-    if not 0.0 < pace < float("inf"):
-        raise ScenarioError(f"--rate {pace:g}", "is no rate", "simulated seconds a second, more than 0")
+    check_pace(pace)
     longest = max(1, min(windows.longest, int(_LOOKED_AHEAD_S * pace * ticks_per_second)))
     return WindowPolicy(min(windows.first, longest), longest)

@@ -8,11 +8,12 @@ so this file is the one place that waits, and no other knows how.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -165,7 +166,24 @@ class Publisher:
         return bool(self._publisher.wait_for_all_acked(Duration(seconds=seconds)))
 
 
-class Subscription:
+class Taker(ABC):
+    """What a loop serves."""
+
+    topic: str
+    handle: Any
+    """Of a subscription of rclpy."""
+
+    def take(self) -> None:
+        """Take all messages that wait."""
+        while self.take_one():
+            pass
+
+    @abstractmethod
+    def take_one(self) -> bool:
+        """Take one of them; False if there was none."""
+
+
+class Subscription(Taker):
     """Receives one topic, as bytes, in order, and notices a gap.
 
     Parameters
@@ -254,11 +272,6 @@ class Subscription:
         """Whether no publisher is there any more."""
         return not self._node.count_publishers(self.topic)
 
-    def take(self) -> None:
-        """Hand all waiting messages to the callback."""
-        while self.take_one():
-            pass
-
     def take_one(self) -> bool:
         """Hand a waiting message to the callback; False if none was there."""
         taken = self.handle.take_message(self._kind, True)
@@ -311,22 +324,6 @@ class Subscription:
 
 _OWN_IN_TURN = 64
 """Messages of this process to itself that are taken in turn before others are looked for."""
-
-
-class Taker(Protocol):
-    """What a loop serves."""
-
-    topic: str
-    handle: Any
-    """Of a subscription of rclpy."""
-
-    def take(self) -> None:
-        """Take all messages that wait."""
-        ...
-
-    def take_one(self) -> bool:
-        """Take one of them; False if there was none."""
-        ...
 
 
 class Spinner:

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray, String
 
 from etac_ros.bag.codec import decode_truth
 from etac_ros.bag.monitor import EVERY_S, Monitor, Picture
-from etac_ros.engines.ros.endpoints import DATA, LATCHED_READER, Spinner, profile
+from etac_ros.engines.ros.endpoints import DATA, LATCHED_READER, Spinner, Taker, profile
 from etac_ros.engines.ros.messages import message_type, open_note
 from etac_ros.errors import RunError
 from etac_ros.graph.graph import Graph, Link
@@ -48,7 +48,7 @@ class Told:
     text: str
 
 
-class _Ear:
+class _Ear(Taker):
     """A subscription that takes what comes, as bytes with the number on its publisher."""
 
     def __init__(self, node: Node, kind: type, topic: str, hear: Callable[[bytes, int, int], None], qos: Any) -> None:
@@ -57,11 +57,6 @@ class _Ear:
         self._hear = hear
         self._subscription = node.create_subscription(kind, topic, lambda message: None, qos, raw=True)
         self.handle = self._subscription.handle
-
-    def take(self) -> None:
-        """Hand on what waits."""
-        while self.take_one():
-            pass
 
     def take_one(self) -> bool:
         """Hand on the first that waits."""

@@ -23,7 +23,6 @@ from etac_ros.engines.ros.notes import read_order, report_note
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
-from etac_ros.graph.cdr import layout_of
 from etac_ros.graph.graph import Link
 from etac_ros.graph.topics import go_topic, next_topic, truth_topic, window_topic
 from etac_ros.graph.wire import is_stamped
@@ -97,14 +96,10 @@ class ModuleNode(RunNode):
 
         type_name, worker = link.wire.type_name, self.worker
         stamped = worker.wants_stamps and is_stamped(type_name)
-        layout = layout_of(type_name, link.wire.size)
 
         def on_message(data: bytes, sequence: int) -> None:
-            value = layout.read(data)
-            if value is None:
-                value = decode(type_name, data)
             tick = self._tick_of(stamp_ns(link.wire, data), link) if stamped else None
-            worker.on_message(link, sequence, value, tick)
+            worker.on_message(link, sequence, decode(type_name, data), tick)
             self.settle()
 
         foreign = link.sender in self.plan.graph.external
