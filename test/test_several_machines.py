@@ -228,6 +228,20 @@ def test_a_network_that_is_not_there_is_named(machines: tuple[Machine, Machine],
     assert "--peers 10.78.0.1: no way leads there: Network is unreachable" in output
 
 
+def test_an_interface_without_a_link_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    """DDS would leave it out, with a line about its transport, and the nodes would wait for ever."""
+    there = machines[1]
+    ip("-n", there.namespace, "link", "set", there.interface, "down")
+    node = there.etac(tmp_path, "node", "/sensor", "wu2018", "--interface", there.interface)
+    try:
+        output, _ = node.communicate(timeout=LIMIT_S)
+    finally:
+        node.kill()
+        ip("-n", there.namespace, "link", "set", there.interface, "up")
+    assert node.returncode == 2
+    assert f"interface {there.interface} ({there.address}): is down, or has no link" in output
+
+
 @pytest.mark.parametrize(
     ("peers", "interface", "expected"),
     [

@@ -27,6 +27,8 @@ ANSWERS_WITHIN_S = 4.0
 """How long a peer may take to answer or to be missed: resolving an address in vain takes Linux three seconds."""
 _NAMESPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
 _GET_ADDRESS = 0x8915  # SIOCGIFADDR
+_GET_FLAGS = 0x8913  # SIOCGIFFLAGS
+_RUNNING = 0x40  # IFF_RUNNING
 _TELL_ERRORS = 11  # IP_RECVERR: also those that may pass
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 
@@ -91,7 +93,7 @@ def machines_of(peers: str | None, interface: str | None) -> Machines | None:
     Raises
     ------
     ScenarioError
-        If a name is unknown, there is no such interface, or no way to a peer.
+        If a name is unknown, there is no such interface, it has no link, or no way leads to a peer.
     """
     if peers is None and interface is None:
         return None
@@ -100,6 +102,7 @@ def machines_of(peers: str | None, interface: str | None) -> Machines | None:
         raise ScenarioError(f"--peers {peers}", "names nobody", "addresses with commas between, and no spaces")
     found = [_resolved(name) for name in names]
     address = _address_towards(found[0]) if interface is None else _address_of(interface)
+    _check_link(address)
     return Machines(address, tuple(peer for peer in dict.fromkeys(found) if peer != address))
 
 
@@ -204,6 +207,24 @@ def _address_of(interface: str) -> str:
                 f"--interface {interface}", "is no interface or address of this machine", f"an address, or {known}"
             ) from None
         return interface
+
+
+def _check_link(address: str) -> None:
+    """Refuse an address that nothing can be sent from: DDS would leave it out, and its nodes wait for ever."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            try:
+                if socket.inet_ntoa(fcntl.ioctl(asking, _GET_ADDRESS, request)[20:24]) != address:
+                    continue
+                (flags,) = struct.unpack_from("H", fcntl.ioctl(asking, _GET_FLAGS, request), 16)
+            except OSError:  # without an IPv4 address, or gone
+                continue
+            if not flags & _RUNNING:
+                raise ScenarioError(
+                    f"interface {name} ({address})", "is down, or has no link", "a network that is there",
+                    f"`ip link set {name} up`, the cable, or --interface with another one",
+                )  # fmt: skip
 
 
 def _profile(text: str, machines: Machines) -> bytes:
