@@ -15,9 +15,11 @@ import socket
 import struct
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from etac_ros.engines.ros.domain import last_port
@@ -28,7 +30,9 @@ ANSWERS_WITHIN_S = 4.0
 _NAMESPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
 _GET_ADDRESS = 0x8915  # SIOCGIFADDR
 _GET_FLAGS = 0x8913  # SIOCGIFFLAGS
-_RUNNING = 0x40  # IFF_RUNNING
+_UP, _RUNNING = 0x1, 0x40  # IFF_UP, IFF_RUNNING
+_LINK_WITHIN_S = 10.0
+_LOOK_EVERY_S = 0.02
 _TELL_ERRORS = 11  # IP_RECVERR: also those that may pass
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 
@@ -210,7 +214,28 @@ def _address_of(interface: str) -> str:
 
 
 def _check_link(address: str) -> None:
-    """Refuse an address that nothing can be sent from: DDS would leave it out, and its nodes wait for ever."""
+    """Wait until something can be sent from an address: DDS would leave it out, and its nodes wait for ever.
+
+    Linux says late of a link that has just come up that it runs: a second, or more on a busy machine.
+    """
+    deadline = time.monotonic() + _LINK_WITHIN_S
+    while (down := _without_link(address)) is not None:
+        if not down.may_come or time.monotonic() > deadline:
+            raise ScenarioError(
+                f"interface {down.interface} ({address})", "is down, or has no link", "a network that is there",
+                f"`ip link set {down.interface} up`, the cable, or --interface with another one",
+            )  # fmt: skip
+        time.sleep(_LOOK_EVERY_S)
+
+
+class _Down(NamedTuple):
+    interface: str
+    may_come: bool
+    """It is set up, and has no link yet."""
+
+
+def _without_link(address: str) -> _Down | None:
+    """The interface with that address, if nothing can be sent from it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         for _, name in socket.if_nameindex():
             request = struct.pack("256s", name.encode()[:15])
@@ -221,10 +246,8 @@ def _check_link(address: str) -> None:
             except OSError:  # without an IPv4 address, or gone
                 continue
             if not flags & _RUNNING:
-                raise ScenarioError(
-                    f"interface {name} ({address})", "is down, or has no link", "a network that is there",
-                    f"`ip link set {name} up`, the cable, or --interface with another one",
-                )  # fmt: skip
+                return _Down(name, bool(flags & _UP))
+    return None
 
 
 def _profile(text: str, machines: Machines) -> bytes:
