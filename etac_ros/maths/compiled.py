@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
 import importlib.metadata
 import inspect
 import os
@@ -23,6 +22,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from etac_ros.maths.kernel_cache import keep_in_files
 
 _ROOMS = ("maths", "plants", "laws", "triggers")
 _KEPT_CACHES = 4
@@ -88,12 +89,13 @@ def import_numba() -> None:
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a compiled entry point. Called from Python with contiguous float64 arrays and integers only."""
     compiled: Callable[..., Any] | None = None
+    version = _version(function)
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
         nonlocal compiled
         if compiled is None:
-            compiled = _compiled(function)
+            compiled = _compiled(function, version == _version(function))
         return compiled(*arguments)
 
     return call
@@ -111,37 +113,26 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def _compiled(function: Callable[..., Any], as_imported: bool) -> Callable[..., Any]:
+    """Compile a function; what no longer stands so in its file is not kept, for it would be taken for what does."""
     import numba
 
     _use_cache_folder()
     tell_numba()
-    made: Any = numba.njit(cache=True, error_model="numpy")(function)
-    _load_without_the_compiler(made)
+    made: Any = numba.njit(cache=as_imported, error_model="numpy")(function)
+    if as_imported:
+        keep_in_files(made)
     kernel: Callable[..., Any] = made
     return kernel
 
 
-def _load_without_the_compiler(made: Any) -> None:
-    """Have machine code that is cached loaded without what only compiling needs.
-
-    Numba readies its compiler first: all that it knows of numpy, and scipy for the sake of BLAS. That is three quarters
-    of what a command spends on kernels. Machine code needs the runtime alone, and where none is cached the compiler is
-    readied as ever. This goes by names that numba does not publish; where they are no more, numba does as it would.
-    """
+def _version(function: Callable[..., Any]) -> tuple[int, int] | None:
+    """Tells versions of the file from each other in which a function stands; None where there is no file."""
     try:
-        base: Any = importlib.import_module("numba.core.caching").FunctionCache
-        runtime: Any = importlib.import_module("numba.core.runtime").rtsys
-        guarded, load = base._guard_against_spurious_io_errors, base._load_overload
-    except (ImportError, AttributeError):
-        return
-
-    def load_overload(self: Any, signature: Any, target: Any) -> Any:
-        runtime.initialize(target)
-        with guarded(self):
-            return load(self, signature, target)
-
-    made._cache = type("Cache", (base,), {"load_overload": load_overload})(made.py_func)
+        status = os.stat(function.__code__.co_filename)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
 
 
 def source_digest(*functions: Callable[..., Any]) -> str:
