@@ -92,6 +92,9 @@ class Report(NamedTuple):
     """A watch asks to end the run at this tick, and why."""
     last: int | None = None
     """After Open: the last tick of the window, where it is shorter than was asked for."""
+    compared: tuple[float, ...] | None = None
+    """What a module's rule compares with from now on, where a plant's windows may end by it: a hint. Empty while that
+    cannot be told; None where there is nothing new. Good for one act."""
 
 
 class Transit(NamedTuple):
