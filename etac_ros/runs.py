@@ -128,7 +128,7 @@ def first_ticks(scenario: Scenario) -> Callable[[], None]:
     graph = scenario.build()
 
     def run() -> None:
-        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
     return run
 
