@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.impl.logging_severity import LoggingSeverity
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray, Header
 
 from etac_ros.bag.codec import decode, encode_truth
@@ -37,6 +38,7 @@ DIAGNOSTICS = "/diagnostics"
 _NOTES_NS = NANOSECONDS // 2
 """How often a node hands its ledger to the recorder; what a killed one can lose."""
 _NOTHING = DiagnosticArray()
+_NOTHING_RAW = serialize_message(_NOTHING)
 _GRACE_NS = NANOSECONDS // 10
 """How long after the last tick a foreign node's answer still counts."""
 
@@ -223,6 +225,13 @@ class WallNode(TimedNode):
             encode(link.wire, np.zeros(link.wire.size), 0)
         if not self._diagnostics.get_subscription_count():
             self._diagnostics.publish(_NOTHING)  # heard by nobody, but the same way through DDS
+
+    def transmit(self, link: Link, value: FloatArray, tick: int) -> FloatArray:
+        """In a rehearsal: all that becomes of a value that this node sends, but that anybody hears it."""
+        data = encode(link.wire, value, nanoseconds(tick, self.plan.graph.ticks_per_second))
+        if not self._diagnostics.get_subscription_count():
+            self._diagnostics.handle.publish_raw(_NOTHING_RAW)
+        return decode(link.wire.type_name, data)
 
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
