@@ -584,6 +584,16 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
+def load_ros() -> None:
+    """Import what a run over DDS needs: it has to be done before the run, and can be while something else goes on."""
+    from etac_ros.engines.ros import own_process
+
+    if not own_process.is_needed():
+        from etac_ros.engines.ros.launcher import load
+
+        load()
+
+
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
 
@@ -711,14 +721,10 @@ def run_over_ros(
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     if options.live is not None:
         check_live(options.live)
-    state = state_streams(scenario, live=options.live is not None)
-    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
-        # Loads the definitions before the fork, where they cost nobody's start-up.
-        schema_text(topic.type_name)
-        type_hash(topic.type_name)
     whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
+    opener = _Opener(scenario, graph, bag, extra, options.live, whole, outlet.take)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
@@ -726,11 +732,12 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
+                opener.open,
                 outlet.after(on_progress),
                 on_start,
                 guard,
                 options.machines,
+                opener.ready,
             )
             try:
                 outcome = launcher.run()
@@ -777,6 +784,33 @@ def run_over_ros(
         keep_in_bag(bag, summary)
     _raise_if_halted(scenario, outcome.halted, outcome.tick)
     return Run(scenario, summary, recording, bag)
+
+
+@dataclass
+class _Opener:
+    """Opens the bag of a run over DDS, in the recorder's process, which alone needs message definitions for it."""
+
+    scenario: Scenario
+    graph: Graph
+    bag: Path
+    extra: tuple[TopicDescription, ...]
+    live: int | None
+    whole: TruthFile | None
+    on_picture: OnPicture | None
+    _state: StateStreams | None = None
+
+    def ready(self) -> None:
+        """Load and make what a bag needs, while the nodes find each other: when it is opened they wait for it."""
+        self._state = state_streams(self.scenario, live=self.live is not None)
+        shown = () if self._state is None else self._state.topics
+        for topic in (*recorded_topics(self.graph), *self.extra, *shown):
+            schema_text(topic.type_name)
+            type_hash(topic.type_name)
+
+    def open(self, wall: WallClock | None = None) -> RunBag:
+        """Create it."""
+        extra, state, live = self.extra, self._state, self.live
+        return open_bag(self.scenario, self.bag, "ros", extra, state, wall, live, self.whole, self.on_picture)
 
 
 @contextlib.contextmanager

@@ -18,6 +18,8 @@ _IMPORTED = 300_000
 def main() -> None:
     """Import the commands and run the one that is asked for."""
     spare_what_is_imported()
+    # Else pydantic would look through all that is installed for plugins of its own, which have no business here.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from etac_ros.cli.main import main as command
 
