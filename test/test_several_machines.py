@@ -18,6 +18,7 @@ import pytest
 from test_engines_equal import assert_same
 
 from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros import several_machines
 from etac_ros.engines.ros.environment import dds_environment, enter_launched_run, join_by_hand
 from etac_ros.engines.ros.several_machines import Machines, machines_of
 from etac_ros.errors import ScenarioError
@@ -226,6 +227,29 @@ def test_a_network_that_is_not_there_is_named(machines: tuple[Machine, Machine],
         output, _ = node.communicate(timeout=LIMIT_S)
     assert node.returncode == 2
     assert "--peers 10.78.0.1: no way leads there: Network is unreachable" in output
+
+
+def test_an_interface_without_a_link_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    """DDS would leave it out, with a line about its transport, and the nodes would wait for ever."""
+    there = machines[1]
+    ip("-n", there.namespace, "link", "set", there.interface, "down")
+    node = there.etac(tmp_path, "node", "/sensor", "wu2018", "--interface", there.interface)
+    try:
+        output, _ = node.communicate(timeout=LIMIT_S)
+    finally:
+        node.kill()
+        ip("-n", there.namespace, "link", "set", there.interface, "up")
+    assert node.returncode == 2
+    assert f"interface {there.interface} ({there.address}): is down, or has no link" in output
+
+
+def test_a_link_that_is_about_to_come_up_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Linux says so late; DDS would have left the interface out by then."""
+    answers = iter([several_machines._Down("eth0", True), several_machines._Down("eth0", True), None])
+    monkeypatch.setattr(several_machines, "_without_link", lambda address: next(answers))
+    monkeypatch.setattr(several_machines, "_LOOK_EVERY_S", 0.0)
+    assert machines_of(None, "127.0.0.1") == Machines("127.0.0.1")
+    assert next(answers, "all asked") == "all asked"
 
 
 @pytest.mark.parametrize(
