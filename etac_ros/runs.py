@@ -32,8 +32,6 @@ from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
-from etac_ros.capture.account import WireAccount
-from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.engines.ros.several_machines import Machines
@@ -47,9 +45,7 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
-from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
-from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
@@ -58,7 +54,9 @@ from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, check_pace, short_windows
 
 if TYPE_CHECKING:
+    from etac_ros.capture.account import WireAccount
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
@@ -435,6 +433,9 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     engine = engine_by_calls(scenario, graph, pace)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
@@ -599,6 +600,12 @@ def load_ros() -> None:
         load()
 
 
+def load_summary() -> None:
+    """Import what sums a run up: only once it is over is it needed."""
+    import etac_ros.metrics.kept
+    import etac_ros.metrics.summary  # noqa: F401
+
+
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
 
@@ -730,6 +737,11 @@ def run_over_ros(
     whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
+
+    def began_all(pids: dict[str, int]) -> None:
+        on_start(pids)
+        load_summary()  # while they find each other
+
     opener = _Opener(scenario, graph, bag, extra, options.live, whole, outlet.take)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
@@ -740,7 +752,7 @@ def run_over_ros(
                 options.only,
                 opener.open,
                 outlet.after(on_progress),
-                on_start,
+                began_all,
                 guard,
                 options.machines,
                 opener.ready,
@@ -758,6 +770,8 @@ def run_over_ros(
         outlet.close()
         lease.release()
     if wire:
+        from etac_ros.capture.kept import write_to_bag
+
         write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
@@ -769,6 +783,9 @@ def run_over_ros(
         # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
         in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
     check(plan, outcome, in_bag)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -826,6 +843,7 @@ def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[W
     if not options.capture:
         yield accounts
         return
+    from etac_ros.capture.kept import account_of
     from etac_ros.capture.live import CannotCapture, Capture, ports_of
 
     with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:

@@ -59,7 +59,8 @@ def leave(code: Any) -> None:
         not thread.daemon for thread in threading.enumerate() if thread is not threading.current_thread()
     ):
         sys.exit(code)
-    atexit._run_exitfuncs()
+    with suppress(KeyboardInterrupt):  # it is over: there is nothing left to interrupt
+        atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
             stream.flush()

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
@@ -20,13 +21,10 @@ from etac_ros.beside import Beside
 from etac_ros.cli.interrupts import keeping
 from etac_ros.cli.outputs import check_output, write_output
 from etac_ros.cli.progress import lines_now_and_then, progress_console, steps
-from etac_ros.cli.screen import Screen
-from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
 from etac_ros.engines.ros.several_machines import Machines, find_peers
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.metrics.summary import Summary, with_measured
 from etac_ros.runs import (
     RosOptions,
     Run,
@@ -38,6 +36,9 @@ from etac_ros.runs import (
     warm_up,
 )
 from etac_ros.scenario.load import Scenario, baseline_of, load
+
+if TYPE_CHECKING:
+    from etac_ros.metrics.summary import Summary
 
 
 @dataclass(frozen=True)
@@ -132,12 +133,21 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     finally:
         if bag is not None:
             release(bag)
+    from etac_ros.metrics.summary import with_measured
+
     summary = with_measured(run.summary, baseline)
     if request.json is not None:  # before the tables: whoever reads those may stop reading
         write_output("--json", request.json, summary.model_dump_json(indent=2) + "\n")
+    from etac_ros.cli.show import show_summary
+
     show_summary(scenario, summary, console)
     if request.json is not None:
         console.print(f"summary: {request.json}", soft_wrap=True)
+
+
+def load_tables() -> None:
+    """Import what shows a run, while its processes find each other and this one waits."""
+    import etac_ros.cli.show  # noqa: F401
 
 
 def _in_this_process(options: RosOptions) -> RosOptions:
@@ -257,6 +267,8 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
     options = request.options
     shown = progress_console(console)
     if request.watch:
+        from etac_ros.cli.screen import Screen
+
         say = lines_now_and_then(console.quiet)
         title = f"{scenario.name}, {scenario.variant}" if scenario.variant else scenario.name
         with Screen(shown, title, scenario.graph, say) as screen:
@@ -284,4 +296,4 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
             note = f"{triggers}{speed:.0f} x real time"
             progress.update(task, completed=simulated, note=note)
 
-        return run_over_ros(scenario, bag, options, on_progress)
+        return run_over_ros(scenario, bag, options, on_progress, lambda pids: load_tables())
