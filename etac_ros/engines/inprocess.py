@@ -65,6 +65,14 @@ class InProcess:
         self._values: dict[str, list[FloatArray]] = {name: [] for name in graph.links}
         self._routes: dict[Relay, list[_Stop]] = {}
         self._ports = {name: {link.name: link.receivers[name] for link in graph.hears[name]} for name in graph.modules}
+        # What is asked for with every order, by plant and by module.
+        self._opening = {
+            name: (plant, self._acting.get(name), [self._drivers[reader] for reader in graph.readers[name]])
+            for name, plant in self._plants.items()
+        }
+        self._looking = {
+            name: (driver, self._plants.get(graph.reads.get(name, ""))) for name, driver in self._drivers.items()
+        }
         self._does: dict[type[Order], Callable[[Any], Report]] = {
             Look: self._look,
             Deliver: self._deliver,
@@ -178,31 +186,31 @@ class InProcess:
         return Report(sent, concluded=concluded, halt=driver.module.halt)
 
     def _look(self, order: Look) -> Report:
-        plant = self._graph.reads.get(order.module)
-        if plant is not None and self._plants[plant].halt:
-            return Report()  # there is no window any more to look at
-        driver = self._drivers[order.module]
-        proposal = driver.look(order.after)
-        if proposal is None or proposal > order.grant:
-            return Report(proposal=proposal)
+        name, after, grant = order
+        driver, plant = self._looking[name]
+        if plant is not None and plant.halt:
+            return _DONE  # there is no window any more to look at
+        proposal = driver.look(after)
+        if proposal is None or proposal > grant:
+            return Report((), proposal)
         sent, concluded = self._act(driver, proposal, alone=True)
-        return Report(sent, proposal, fired=True, concluded=concluded, halt=driver.module.halt)
+        return Report(sent, proposal, True, concluded, driver.module.halt)
 
     def _open(self, order: Open) -> Report:
         name, tick, length, _ = order
+        plant, acting, readers = self._opening[name]
         self._commit(name, tick)
-        plant = self._plants[name]
         if plant.halt:
             return Report(halt=plant.halt)
-        acting = self._acting.get(name)
         if acting is None:
             window = plant.open(length)
         else:
             stop = acting.module.stop()  # where it cannot tell just now, asking again soon costs little
             window = plant.open(min(length, self._untold)) if stop is None else plant.open(length, stop)
-        for reader in self._graph.readers[name]:
-            self._drivers[reader].see(window)
-        return _DONE if len(window.samples) == length else Report(last=window.last)
+        for reader in readers:
+            reader.see(window)
+        opened = len(window.samples)
+        return _DONE if opened == length else Report((), None, False, None, "", window.start + opened - 1)
 
     def _close(self, order: Close) -> Report:
         self._commit(order.module, order.tick)

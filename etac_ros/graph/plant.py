@@ -65,13 +65,16 @@ class PlantModule(Module):
         window = self._window
         if window is None or tick < window.start:
             return tick + 1, np.empty((0, self.state.size))
-        fresh = window.samples[: tick - window.start + 1]
-        if not self.halt:
-            self.halt = self._left_bounds(window.start, fresh)
-        self.state = fresh[-1].copy()
+        _, _, start, samples = window
+        count = tick - start + 1
+        fresh = samples if count == len(samples) else samples[:count]
+        state = fresh[-1]
+        if not self.halt and (self._watches or not all_finite(state)):
+            self.halt = self._left_bounds(start, fresh)
+        self.state = state.copy()
         self.tick = tick
         self._window = None
-        return window.start, fresh
+        return start, fresh
 
     @property
     def can_stop(self) -> bool:

@@ -76,6 +76,8 @@ class Propagator:
         self.name = "propagate." + ".".join(map(_name, self._parts))
         self._plain: dict[tuple[int, ...], Callable[..., Any]] = {}
         self._stopping: dict[tuple[int, int, int, int, Criterion], Callable[..., Any]] = {}
+        # What was asked for last, as mostly: to hash a criterion takes longer than to know it again.
+        self._last: tuple[Criterion | None, tuple[int, ...], Callable[..., Any]] = None, (), _never
 
     def __call__(
         self,
@@ -109,11 +111,15 @@ class Propagator:
     ) -> FloatArray:
         """As a call, but no further than the first state at which to stop."""
         criterion, watching, compared = stop
-        key = (state.size, held.size, len(parameters), watching.size, criterion)
-        compiled = self._stopping.get(key)
-        if compiled is None:
-            sizes = _sizes(state, held, parameters, watching, compared)
-            compiled = self._stopping[key] = _compiled(self.name, self._parts, criterion, sizes)
+        key = (state.size, held.size, len(parameters), watching.size)
+        last, last_key, compiled = self._last
+        if last is not criterion or last_key != key:
+            found = self._stopping.get((*key, criterion))
+            if found is None:
+                sizes = _sizes(state, held, parameters, watching, compared)
+                found = self._stopping[(*key, criterion)] = _compiled(self.name, self._parts, criterion, sizes)
+            compiled = found
+            self._last = criterion, key, compiled
         states: FloatArray = compiled(
             state, tick, count, held, parameters, ticks_per_second, substeps, watching, compared
         )
