@@ -68,10 +68,9 @@ class PlantModule(Module):
         _, _, start, samples = window
         count = tick - start + 1
         fresh = samples if count == len(samples) else samples[:count]
-        state = fresh[-1]
-        if not self.halt and (self._watches or not all_finite(state)):
-            self.halt = self._left_bounds(start, fresh)
-        self.state = state.copy()
+        if not self.halt:
+            self.halt = self.left_bounds(start, fresh)
+        self.state = fresh[-1].copy()
         self.tick = tick
         self._window = None
         return start, fresh
@@ -100,7 +99,7 @@ class PlantModule(Module):
         """What the plant watches."""
         return watches_of(self.plant, window.samples)
 
-    def _left_bounds(self, start: int, samples: FloatArray) -> str:
+    def left_bounds(self, start: int, samples: FloatArray) -> str:
         """Why the run has to end: only committed samples count, never the uncommitted tail of a window."""
         if samples.size and not all_finite(samples[-1]):  # what is no number stays so
             row = int(np.argmin(np.isfinite(samples).all(axis=1)))

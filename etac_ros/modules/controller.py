@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from typing import Any
 
 from pydantic import Field, NonNegativeInt, PositiveInt
@@ -10,7 +11,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs
 from etac_ros.graph.promises import Component
 from etac_ros.graph.role import Acts, Role
-from etac_ros.laws.law import Law
+from etac_ros.laws.law import Law, has_formula
 from etac_ros.parameters import FloatArray, Parameters
 
 _TOLD = ("tick", "state")
@@ -72,6 +73,12 @@ class Controller(Module):
             raise ValueError(f"{type(law).__name__}.command takes a part of the state: say which by 'known_state'")
         elif "tick" in self._told:
             self.role = Role(Acts.AT_ONCE, timed=True)
+
+    @property
+    def formula(self) -> tuple[Callable[..., Any], FloatArray] | None:
+        """The law as a formula to be compiled, and its numbers; None where it has none, or goes by more than that."""
+        law = self._law.owner
+        return (law.command_form, law.command_parameters) if not self._told and has_formula(law) else None  # type: ignore[arg-type]  # it is the law
 
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the command for the newest signal."""

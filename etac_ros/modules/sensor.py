@@ -144,6 +144,11 @@ class Sensor(Module):
             return None
         return Stop(self._criterion, self._numbers, compared)
 
+    @property
+    def stopping(self) -> tuple[Criterion, FloatArray] | None:
+        """What :meth:`stop` goes by, and its numbers; None where it cannot tell."""
+        return None if self._criterion is None or self.hold.has_memory else (self._criterion, self._numbers)
+
     def advance(self, tick: int, window: Window) -> None:
         """Keep what was watched and what would be sent at ``tick``, and the memories of filter and rule."""
         watched, sent = self._signals(window)
