@@ -128,9 +128,14 @@ def first_ticks(scenario: Scenario) -> Callable[[], None]:
     graph = scenario.build()
 
     def run() -> None:
-        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
     return run
+
+
+def _played_in_real_time(graph: Graph) -> Graph:
+    """What the processes of a real-time run play: faults are the launcher's to do."""
+    return replace(graph.in_real_time(), faults=(), spares={})
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -692,9 +697,9 @@ def run_over_ros(
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
     faults = () if wall is None else graph.faults
     played = graph
-    if wall is not None:  # there the launcher sees to them
+    if wall is not None:
         graph = graph.in_real_time()
-        played = replace(graph, faults=(), spares={})
+        played = _played_in_real_time(graph)
     plan = Plan(
         scenario.name,
         scenario.digest,
@@ -709,6 +714,7 @@ def run_over_ros(
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
         rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
+        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

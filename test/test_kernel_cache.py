@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -37,15 +36,26 @@ def test_two_that_compile_at_the_same_time_get_what_is_their_own(
     assert [found.load(key) for key in ("one", "other", "third")] == ["code of one", "code of other", "code of third"]
 
 
-def test_code_of_an_earlier_version_is_never_found_and_goes_with_the_next_save(tmp_path: Path) -> None:
+def test_code_of_another_version_is_never_found(tmp_path: Path) -> None:
     before, after = KernelFiles(tmp_path, "f", "1"), KernelFiles(tmp_path, "f", "2")
-    beside = KernelFiles(tmp_path, "f2", "1")
     before.save("key", "old")
-    beside.save("key", "of another function")
     assert after.load("key") is None
     after.save("key", "new")
-    assert (before.load("key"), after.load("key"), beside.load("key")) == (None, "new", "of another function")
-    assert len(list(tmp_path.iterdir())) == 2
+    assert (before.load("key"), after.load("key")) == ("old", "new")
+
+
+def test_what_was_not_used_for_longest_goes(tmp_path: Path) -> None:
+    beside = KernelFiles(tmp_path, "f2", "1")
+    beside.save("key", "of another function")
+    versions = [KernelFiles(tmp_path, "f", str(version)) for version in range(40)]
+    for age, files in enumerate(versions[:20]):
+        files.save("key", age)
+        os.utime(files.path("key"), (age, age))
+    assert versions[0].load("key") == 0
+    for files in versions[20:]:
+        files.save("key", "newer")
+    assert beside.load("key") == "of another function"
+    assert [files.load("key") for files in versions[:20]] == [0, *[None] * 8, *range(9, 20)]
 
 
 @pytest.mark.parametrize("kept", [0, 1, 40, -1])
@@ -72,34 +82,47 @@ def test_names_of_any_length_make_files(tmp_path: Path) -> None:
     assert [files.load("key") for files in long] == [0, 1]
 
 
-SOURCE = """
-import numpy as np
+HELPER = """
+import own_constants
+from etac_ros.maths.compiled import inlined
+
+@inlined
+def scaled(value):
+    return value * own_constants.factor
+"""
+
+LAW = """
 from etac_ros.maths.compiled import kernel
+from own_helper import scaled
 
 @kernel
 def formed(a):
-    return a[0] * {factor}
+    return scaled(a[0])
 """
 
 SCRIPT = """
-import os, sys
+import sys
 import numpy as np
-import own_law
+import own_constants, own_law
 if len(sys.argv) > 1:
-    source = open(own_law.__file__).read()
-    open(own_law.__file__, "w").write(source.replace("* 0.5", sys.argv[1]))
-print(own_law.formed(np.array([8.0])))
+    open(own_constants.__file__, "w").write(sys.argv[1])
+print(own_law.formed(np.array([8.0])), "numba.np.arraymath" in sys.modules)
 """
 
 
-def test_what_was_edited_before_its_first_call_is_not_kept_for_what_it_is_now(tmp_path: Path) -> None:
-    """As in a notebook: imported, edited, called, and everything anew the next day."""
-    (tmp_path / "own_law.py").write_text(textwrap.dedent(SOURCE).format(factor="0.5"))
+def test_code_follows_every_file_that_it_is_made_of_and_what_was_imported_of_it(tmp_path: Path) -> None:
+    """Also as in a notebook: imported, edited, called, and everything anew the next day."""
+    (tmp_path / "own_helper.py").write_text(HELPER)
+    (tmp_path / "own_law.py").write_text(LAW)
+    (tmp_path / "own_constants.py").write_text("factor = 0.5\n")
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
 
     def printed(*words: str) -> str:
         command = [sys.executable, "-c", SCRIPT, *words]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
-    assert printed("* 0.25") == "4.0"
-    assert printed() == "2.0"
+    assert printed("factor = 0.25\n") == "4.0 True"
+    assert printed() == "2.0 True"
+    assert printed() == "2.0 False"
+    (tmp_path / "own_helper.py").write_text(HELPER.replace("return value", "return 1.0 + value"))
+    assert printed() == "3.0 True"

@@ -4,9 +4,7 @@ Numba is imported when the first kernel is called: its import takes longer than 
 
 No fastmath and no parallel loops: both change bits, and the engines have to agree to the last one.
 
-Numba does not see that a kernel depends on functions of other files, so a changed helper would leave a stale
-machine-code file in use. The cache folder therefore carries a digest of the package's numerical sources, and
-:func:`source_digest` does the same for a user's own file.
+The cache folder carries a digest of the package's numerical sources, so that what earlier versions left can be removed.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.metadata
-import inspect
 import os
 import shutil
 import sys
@@ -89,13 +86,12 @@ def import_numba() -> None:
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a compiled entry point. Called from Python with contiguous float64 arrays and integers only."""
     compiled: Callable[..., Any] | None = None
-    version = _version(function)
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
         nonlocal compiled
         if compiled is None:
-            compiled = _compiled(function, version == _version(function))
+            compiled = _compiled(function)
         return compiled(*arguments)
 
     return call
@@ -113,42 +109,12 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def _compiled(function: Callable[..., Any], as_imported: bool) -> Callable[..., Any]:
-    """Compile a function; what no longer stands so in its file is not kept, for it would be taken for what does."""
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     import numba
 
     _use_cache_folder()
     tell_numba()
-    made: Any = numba.njit(cache=as_imported, error_model="numpy")(function)
-    if as_imported:
-        keep_in_files(made)
+    made: Any = numba.njit(cache=True, error_model="numpy")(function)
+    keep_in_files(made)
     kernel: Callable[..., Any] = made
     return kernel
-
-
-def _version(function: Callable[..., Any]) -> tuple[int, int] | None:
-    """Tells versions of the file from each other in which a function stands; None where there is no file."""
-    try:
-        status = os.stat(function.__code__.co_filename)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
-
-
-def source_digest(*functions: Callable[..., Any]) -> str:
-    """Digest of the files in which the functions stand, to be kept in a kernel's closure.
-
-    Parameters
-    ----------
-    functions
-        Functions that a kernel made by a factory calls.
-
-    Returns
-    -------
-    str
-        A digest that changes when one of those files changes.
-    """
-    digest = hashlib.sha256()
-    for function in functions:
-        digest.update(Path(inspect.getfile(function)).read_bytes())
-    return digest.hexdigest()[:16]

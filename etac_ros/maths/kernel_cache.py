@@ -16,9 +16,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from etac_ros.maths.fingerprint import fingerprint
+
 _CHECKED = hashlib.sha256
 _CHECK_BYTES = _CHECKED().digest_size
 _LONGEST = 120
+_MOST = 32
+"""How many files a function may have: of its versions, and of values that it has closed over."""
 
 
 class KernelFiles:
@@ -30,25 +34,28 @@ class KernelFiles:
         Where they are kept.
     function
         Name of the function, as a part of file names.
-    stamp
-        Of the version of the source file, and of numba.
+    version
+        What the code depends on besides the key.
     """
 
-    def __init__(self, folder: Path, function: str, stamp: str) -> None:
+    def __init__(self, folder: Path, function: str, version: str) -> None:
         self._folder = folder
         self._function = function
         if len(function) > _LONGEST:  # file names end at 255 bytes, and names of kernels name all their parts
             self._function = f"{function[:_LONGEST]}.{hashlib.sha256(function.encode()).hexdigest()[:16]}"
-        self._version = hashlib.sha256(stamp.encode()).hexdigest()[:16]
+        self._version = version
 
     def path(self, key: Any) -> Path:
-        """Where the code for a signature, a processor, and values that the function has closed over, is kept."""
-        return self._folder / f"{self._prefix}{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc"
+        """Where the code for a signature and a processor is kept."""
+        digest = hashlib.sha256(repr((self._version, key)).encode()).hexdigest()[:32]
+        return self._folder / f"{self._function}.{digest}.nbc"
 
     def load(self, key: Any) -> Any:
         """What was kept; None if nothing was, or not all of it is there any more."""
+        path = self.path(key)
         try:
-            kept = self.path(key).read_bytes()
+            kept = path.read_bytes()
+            path.touch()  # it is in use
         except OSError:
             return None
         check, content = kept[:_CHECK_BYTES], kept[_CHECK_BYTES:]
@@ -69,14 +76,11 @@ class KernelFiles:
                 if written:
                     Path(written).unlink()
 
-    @property
-    def _prefix(self) -> str:
-        return f"{self._function}.{self._version}."
-
     def _forget_older(self) -> None:
-        """Remove what was made of an earlier version of the source file. Who reads it now compiles."""
-        for path in self._folder.glob(f"{glob.escape(self._function)}.*.nbc"):
-            if not path.name.startswith(self._prefix):
+        """Remove what has not been used for longest, as of earlier versions. Who wants it then compiles."""
+        files = list(self._folder.glob(f"{glob.escape(self._function)}.*.nbc"))
+        if len(files) > _MOST:
+            for path in sorted(files, key=lambda path: path.stat().st_mtime_ns)[: len(files) - _MOST]:
                 path.unlink(missing_ok=True)
 
 
@@ -93,15 +97,17 @@ def keep_in_files(made: Any) -> None:
     try:
         base: Any = importlib.import_module("numba.core.caching").FunctionCache
         runtime: Any = importlib.import_module("numba.core.runtime").rtsys
-        version = importlib.import_module("numba").__version__
+        versions = [importlib.import_module(name).__version__ for name in ("numba", "llvmlite", "numpy")]
         find = base._load_overload
 
         class Cache(base):  # type: ignore[misc]  # of a module without types
             def __init__(self, function: Any) -> None:
                 super().__init__(function)
-                locator = self._impl.locator
-                stamp = f"{version} {locator.get_source_stamp()!r}"
-                self._cache_file = KernelFiles(Path(locator.get_cache_path()), self._impl.filename_base, stamp)
+                folder = Path(self._impl.locator.get_cache_path())
+                self._cache_file = KernelFiles(folder, self._impl.filename_base, f"{versions} {fingerprint(function)}")
+
+            def _index_key(self, signature: Any, generator: Any) -> Any:
+                return signature, generator.magic_tuple()
 
             def load_overload(self, signature: Any, target: Any) -> Any:
                 runtime.initialize(target)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from etac_ros.maths.compiled import inlined, kernel, source_digest
+from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.parameters import FloatArray
 
@@ -206,7 +206,6 @@ def _compiled(
     answering = answer is not None
     command, answer_first = answer or (_command_nothing, 0)
     row = 1 + watched_size + 2 * held_size
-    digest = source_digest(*parts, form, holds, command)
 
     def propagate(  # type: ignore[no-untyped-def]
         state,
@@ -220,7 +219,6 @@ def _compiled(
         compared,
         events,
     ):
-        digest  # noqa: B018  part of the closure: the key under which the machine code is cached
         states = np.empty((count, states_size))
         # Copies on the stack: the owners of a slice of anything else would be counted, four times a step.
         u = scratch(held_size)

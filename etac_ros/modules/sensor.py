@@ -140,9 +140,11 @@ class Sensor(Module):
     def stop(self) -> Stop | None:
         """Where the trigger rule holds, of a signal and a rule that can be compiled into the plant's formula."""
         compared = self.hold.compared
-        if self._criterion is None or compared is None:
-            return None
-        return Stop(self._criterion, self._numbers, compared)
+        return None if compared is None else self.stop_at(compared)
+
+    def stop_at(self, compared: FloatArray) -> Stop | None:
+        """Where the trigger rule holds, compared with what another process's sensor has sent last."""
+        return None if self._criterion is None else Stop(self._criterion, self._numbers, compared)
 
     @property
     def stopping(self) -> tuple[Criterion, FloatArray] | None:

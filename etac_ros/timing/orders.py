@@ -108,6 +108,9 @@ class Report(NamedTuple):
     """After Open: the last tick of the window, where it is shorter than was asked for."""
     missing: tuple[int, ...] = ()
     """After Forward: places in its messages of those that were not sent, since a watch has ended the run."""
+    compared: tuple[float, ...] | None = None
+    """What a module's rule compares with from now on, where a plant's windows may end by it: a hint. Empty while that
+    cannot be told; None where there is nothing new. Good for one act."""
 
 
 class Transit(NamedTuple):
