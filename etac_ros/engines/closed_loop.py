@@ -78,27 +78,28 @@ class ClosedLoop:
         """The run; None where something is no number, or has left its bounds: that is found out by orders."""
         with np.errstate(all="ignore"):  # what is no number is named elsewhere
             first = self._first()
-        if first is None or self._plant.left_bounds(0, self._plant.state[np.newaxis]):
+        if first is None:
             return None
         signal, command, torque = first
         size, held = signal.size, torque.size
         rows = [np.concatenate([[0.0], signal, command, torque])]
         state, tick = self._plant.state, 0
-        truth: list[Chunk] = [(0, state[np.newaxis].copy())]
+        truth: list[Chunk] = []
         row = rows[0].size
         events = np.empty(2 + row * _EVENTS_AT_ONCE)
         while tick < self._end:
             stop = Stop(self._criterion, self._numbers, signal, events)
             count = min(_TICKS_AT_ONCE, self._end - tick)
             states = self._plant.plant.propagate_until(stop, state, tick, count, torque)  # type: ignore[attr-defined]
-            if events[1] != 0.0 or self._plant.left_bounds(tick + 1, states):
+            begin = 0 if tick == 0 else 1
+            if events[1] != 0.0 or self._plant.left_bounds(tick + begin, states[begin:]):
                 return None
             happened = events[2 : 2 + row * int(events[0])].reshape(-1, row).copy()
             if len(happened):
                 signal, torque = happened[-1, 1 : 1 + size].copy(), happened[-1, row - held :].copy()
                 rows.append(happened)
-            truth.append((tick + 1, states))
-            tick += len(states)
+            truth.append((tick + begin, states[begin:]))
+            tick += len(states) - 1
             state = states[-1]
         table = np.vstack(rows)
         if table[-1, 0] == self._end:  # nobody acts at the end

@@ -54,7 +54,7 @@ class Stop(NamedTuple):
     events: FloatArray | None = None
     """Where there is an answer, it is written in here: the number of events, 0.0 unless something was no number, and
     for each event its tick, what was watched, commanded and held, as it came off the wires. Computing ends when this
-    is full."""
+    is full. The states begin with the given one then, so that those of a whole run are one array."""
 
 
 @inlined
@@ -159,7 +159,7 @@ class Propagator:
             compared if events is None else events,
         )  # fmt: skip
         # Of its own memory alone: what was not computed is not kept.
-        return states if len(states) == count else states.copy()
+        return states if len(states) >= count else states.copy()
 
 
 def propagator(
@@ -206,6 +206,7 @@ def _compiled(
     answering = answer is not None
     command, answer_first = answer or (_command_nothing, 0)
     row = 1 + watched_size + 2 * held_size
+    lead = 1 if answering else 0
 
     def propagate(  # type: ignore[no-untyped-def]
         state,
@@ -219,7 +220,7 @@ def _compiled(
         compared,
         events,
     ):
-        states = np.empty((count, states_size))
+        states = np.empty((lead + count, states_size))
         # Copies on the stack: the owners of a slice of anything else would be counted, four times a step.
         u = scratch(held_size)
         for a in range(held_size):
@@ -245,6 +246,8 @@ def _compiled(
         k4 = scratch(states_size)
         for a in range(states_size):
             x[a] = state[a]
+            if lead > 0:
+                states[0, a] = state[a]
         rate = ticks_per_second * substeps
         h = 1.0 / rate
         end = drive(tick * substeps / rate, p)
@@ -271,7 +274,7 @@ def _compiled(
                     x[a] += h / 6.0 * (k1[a] + 2.0 * k2[a] + 2.0 * k3[a] + k4[a])
             project(x)
             for a in range(states_size):
-                states[i, a] = x[a]
+                states[lead + i, a] = x[a]
             form(x, w[:first], watched[0])
             if answering:
                 for a in range(watched_size):
@@ -301,7 +304,7 @@ def _compiled(
                 if at + 2 * row > events.size:
                     events[0] = happened
                     events[1] = unsound
-                    return states[: i + 1]
+                    return states[: i + 2]
         if answering:
             events[0] = happened
             events[1] = unsound

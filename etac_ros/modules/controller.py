@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from typing import Any
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs
-from etac_ros.graph.promises import Component
+from etac_ros.graph.promises import Component, signature_of
 from etac_ros.graph.role import Acts, Role
 from etac_ros.laws.law import Law, has_formula
 from etac_ros.parameters import FloatArray, Parameters
@@ -94,7 +93,7 @@ class Controller(Module):
 
 
 def _check_signature(law: Law) -> None:
-    _, *others = inspect.signature(law.command).parameters.values()
+    _, *others = signature_of(law.command).parameters.values()
     for other in others:
         if other.default is other.empty and other.name not in _TOLD and other.kind is not other.VAR_KEYWORD:
             raise ValueError(
