@@ -404,7 +404,7 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
-def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None, in_one: bool = True) -> InProcess:
     """What runs a graph of a scenario by calls, with the windows that suit calls.
 
     Parameters
@@ -415,13 +415,16 @@ def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None)
         Built from it, and not used yet.
     pace
         Simulated seconds a second at most; None lets it run.
+    in_one
+        In one kernel, where the graph is one loop of compiled formulas.
     """
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
     wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+    trimmed = asked.longest if pace is None else windows.longest
+    return InProcess(graph, windows, before=wait, trimmed=trimmed, in_one=in_one and pace is None)
 
 
 def _simulated(
@@ -436,7 +439,8 @@ def _simulated(
     from etac_ros.metrics.kept import keep_in_bag
     from etac_ros.metrics.summary import Timing, summarise
 
-    engine = engine_by_calls(scenario, graph, pace)
+    # A bag keeps committed samples as they come, so it shows how a run went on.
+    engine = engine_by_calls(scenario, graph, pace, in_one=bag is None)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
