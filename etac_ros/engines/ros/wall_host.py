@@ -64,6 +64,9 @@ class WallHost(Host):
         if self._plan.rehearse is not None and not {COORDINATOR, RECORDER}.issuperset(self._names):
             self._plan.rehearse()
 
+    def _make_ready(self) -> None:
+        """It is, before DDS has threads."""
+
     def _take_part(self) -> None:
         assert self._plan.wall is not None
         only_listens = list(self._names) == [RECORDER]
