@@ -159,18 +159,16 @@ class Replayed:
     @classmethod
     def of(cls, scenario: Scenario) -> Replayed:
         """Run a scenario and keep what was reported."""
-        reports: list[Report] = []
         engine = engine_by_calls(scenario, scenario.build())
-        engine.trace = lambda order, report: reports.append(report)
-        engine.run()
-        orders = engine_by_calls(scenario, scenario.build()).master.run()
-        batches, answers, batch = [], iter(reports), next(orders)
+        batches = engine.master.run()
+        orders, reports, count = next(batches), [], 0
         while True:
-            batches.append([next(answers) for _ in batch])
+            reports.append([engine.obey(order) for order in orders])
+            count += len(orders)
             try:
-                batch = orders.send(batches[-1])
+                orders = batches.send(reports[-1])
             except StopIteration:
-                return cls(scenario, batches, len(reports), sum(engine.master.fired.values()))
+                return cls(scenario, reports, count, sum(engine.master.fired.values()))
 
     def once(self) -> float:
         """How long the time master takes for all of it [s]."""

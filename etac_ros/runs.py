@@ -162,6 +162,11 @@ def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
         offered_qos_yaml(topic.reliability.value, topic.latched)
 
 
+def _played_in_real_time(graph: Graph) -> Graph:
+    """What the processes of a real-time run play: faults are the launcher's to do."""
+    return replace(graph.in_real_time(), faults=(), spares={})
+
+
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
     """A directory for the bag of a run that starts now, reserved: no other run gets the same.
 
@@ -717,9 +722,9 @@ def run_over_ros(
     token = secrets.token_hex(6) if options.only is None else ""  # else parts that others start could not know it
     faults = () if wall is None else graph.faults
     played = graph
-    if wall is not None:  # there the launcher sees to them
+    if wall is not None:
         graph = graph.in_real_time()
-        played = replace(graph, faults=(), spares={})
+        played = _played_in_real_time(graph)
     plan = Plan(
         scenario.name,
         scenario.digest,
@@ -735,6 +740,7 @@ def run_over_ros(
         told=scenario.told,
         rehearse=_rehearsal(scenario, wall),
         prepare=partial(_describe_in_vain, scenario, graph),
+        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

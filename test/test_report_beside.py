@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -29,13 +31,38 @@ def refused() -> bytes:
 
 
 @pytest.mark.usefixtures("two_cores")
-def test_each_piece_is_made_in_a_process_of_its_own_and_keeps_its_place() -> None:
+def test_two_processes_share_the_work_out_and_each_piece_keeps_its_place() -> None:
     beside = Beside()
-    outcomes = [beside(lambda number=number: b"%d %d " % (number, os.getpid()) + LARGE) for number in range(3)]
-    found = [outcome().split(b" ", 2) for outcome in outcomes]
-    assert [number for number, _, _ in found] == [b"0", b"1", b"2"]
-    assert len({process for _, process, _ in found} | {b"%d" % ME}) == 4
+    outcomes = [beside(lambda number=number: (number, os.getpid(), LARGE)) for number in range(4)]
+    found = [outcome() for outcome in outcomes]
+    assert [number for number, _, _ in found] == [0, 1, 2, 3]
     assert all(large == LARGE for _, _, large in found)
+    assert found[0][1] != ME  # begun at once, while this process brought the others
+    assert [outcome() for outcome in outcomes] == found
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_nothing_is_begun_twice_and_the_other_process_takes_one_at_a_time(tmp_path: Path) -> None:
+    beside, (waits, go) = Beside(), os.pipe()
+
+    def first() -> int:
+        os.read(waits, 1)
+        return os.getpid()
+
+    def other(name: str) -> int:
+        with (tmp_path / name).open("a", encoding="utf-8") as file:
+            file.write("done\n")
+        return os.getpid()
+
+    held = beside(first)
+    others = [beside(partial(other, name)) for name in "abc"]
+    assert others[0]() == ME  # the other process is not done with the first
+    os.write(go, b"!")
+    assert held() != ME
+    assert [outcome() == ME for outcome in others] == [True, True, False]  # while this one did b, the other did c
+    assert [(tmp_path / name).read_text(encoding="utf-8") for name in "abc"] == ["done\n"] * 3
+    os.close(waits)
+    os.close(go)
 
 
 @pytest.mark.usefixtures("two_cores")

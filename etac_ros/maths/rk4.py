@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from etac_ros.maths.compiled import inlined, kernel, source_digest
+from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.parameters import FloatArray
 
@@ -162,7 +162,6 @@ def _compiled(
     derivative, project, drive = parts
     states_size, held_size, parameters_size, watching_size, compared_size = sizes
     form, watched_size, holds, first = criterion
-    digest = source_digest(*parts, form, holds)
 
     def propagate(  # type: ignore[no-untyped-def]
         state,
@@ -175,7 +174,6 @@ def _compiled(
         watching,
         compared,
     ):
-        digest  # noqa: B018  part of the closure: the key under which the machine code is cached
         states = np.empty((count, states_size))
         # Copies on the stack: the owners of a slice of anything else would be counted, four times a step.
         u = scratch(held_size)

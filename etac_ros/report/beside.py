@@ -1,4 +1,4 @@
-"""Work beside one's own: bytes that a forked process makes meanwhile."""
+"""Work beside one's own: what a forked process makes meanwhile."""
 
 from __future__ import annotations
 
@@ -8,65 +8,104 @@ import signal
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, Generic, Protocol, TypeVar
 
-Work = Callable[[], bytes]
+T = TypeVar("T")
+Work = Callable[[], T]
 """A piece of work, or what hands its outcome out."""
 _LONGEST_S = 60.0
 """After that a piece of work has come to nothing."""
 
 
-def here(work: Work) -> Work:
+class Elsewhere(Protocol):
+    """Who sees to it that a piece of work is done."""
+
+    def __call__(self, work: Work[T], /) -> Work[T]:
+        """Begin a piece of work; what is returned waits for its outcome."""
+
+
+def here(work: Work[T]) -> Work[T]:
     """Do a piece of work at once, in this process."""
     made = work()
     return lambda: made
 
 
 class Beside:
-    """Pieces of work in a process of their own, one after the other: forked, so that each finds all that is here.
+    """Pieces of work that this process and a forked one share out; the forked one finds all that is here.
 
-    For a process whose other threads do nothing that the work needs, such as a command that shows how far it is: what
-    they hold at a fork stays locked for ever. Where there is a single core the work is done here, and also where its
-    process comes to nothing.
+    It takes one at a time, from the last on, as soon as there are any. This one goes on meanwhile, and does, from the
+    first on, what is asked for and has not been begun. For a process whose other threads do nothing that the work
+    needs, such as a command that shows how far it is: what they hold at a fork stays locked for ever. Where there is a
+    single core the work is done here, and also where its process comes to nothing.
     """
 
     def __init__(self) -> None:
-        self._last: _Forked | None = None
+        self._waiting: list[_Piece[Any]] = []
+        self._last: _Piece[Any] | None = None
 
-    def __call__(self, work: Work) -> Work:
-        """Begin a piece of work once the one before it is done; what is returned waits for its outcome."""
+    def __call__(self, work: Work[T], /) -> Work[T]:
+        """Take a piece of work; what is returned hands out what came of it."""
         if len(os.sched_getaffinity(0)) == 1:
             return here(work)
-        if self._last is not None:
-            self._last.outcome()  # two at once would be more than the other core has room for
-        self._last = _Forked(work)
-        return self._last.outcome
+        piece = _Piece(work)
+        self._waiting.append(piece)
+        self._begin()
+
+        def outcome() -> T:
+            if piece in self._waiting:
+                self._waiting.remove(piece)
+            self._begin()
+            return piece.outcome()
+
+        return outcome
+
+    def _begin(self) -> None:
+        """Let the other core have one, unless it is busy: two at once would be more than it has room for."""
+        if self._waiting and (self._last is None or not self._last.is_under_way):
+            self._last = self._waiting.pop()
+            self._last.begin()
 
 
-class _Forked:
+class _Piece(Generic[T]):
     """One piece of work."""
 
-    def __init__(self, work: Work) -> None:
-        self._work, self._made = work, b""
+    def __init__(self, work: Work[T]) -> None:
+        self._work = work
+        self._made: list[T] = []
+        self._process: BaseProcess | None = None
+        self._pipe: Connection
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a process is at it."""
+        return self._process is not None and not self._pipe.poll()
+
+    def begin(self) -> None:
+        """Have it done by a process of its own."""
         fork = multiprocessing.get_context("fork")
-        self._ours, theirs = fork.Pipe(duplex=False)
-        self._process = fork.Process(target=_do, args=(work, theirs), daemon=True)
+        self._pipe, theirs = fork.Pipe(duplex=False)
+        self._process = fork.Process(target=_do, args=(self._work, theirs), daemon=True)
         self._process.start()
         theirs.close()
 
-    def outcome(self) -> bytes:
-        """What came of it; empty is nothing."""
-        if not self._made:
+    def outcome(self) -> T:
+        """What came of it: what its process sends, or else what is made here and now."""
+        if self._process is not None:
             with suppress(EOFError, OSError):
-                self._made = self._ours.recv_bytes() if self._ours.poll(_LONGEST_S) else b""
-            self._ours.close()
+                if self._pipe.poll(_LONGEST_S):
+                    self._made.append(self._pipe.recv())
             self._process.kill()
             self._process.join()
-            self._made = self._made or self._work()
-        return self._made
+            self._pipe.close()
+            self._process = None
+        if not self._made:
+            self._made.append(self._work())
+        return self._made[0]
 
 
-def _do(work: Work, outcome: Connection) -> None:
+def _do(work: Work[object], outcome: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who waits, and ends this one with itself
     with suppress(BaseException):  # which the one that waits will meet itself, and tell
-        outcome.send_bytes(work())
+        outcome.send(work())
     os._exit(0)  # without what else happens at an end: that is the business of who has forked

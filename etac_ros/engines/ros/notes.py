@@ -13,7 +13,7 @@ _ORDERS: dict[str, type[Open | Look | Fire | Deliver | Close]] = {
     "deliver": Deliver,
     "close": Close,
 }
-_NAMES = {kind: name for name, kind in _ORDERS.items()}
+_NAMES: dict[type[Order], str] = {kind: name for name, kind in _ORDERS.items()}
 
 
 def order_note(order: Order) -> dict[str, Any]:

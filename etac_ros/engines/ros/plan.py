@@ -95,6 +95,9 @@ class Plan:
         several times as long.
     prepare
         Likewise of the process of the recorder: what opening a bag takes.
+    anew
+        In real time with a priority: builds the graph once more, for rehearsals of tick 0, which are to leave the run's
+        modules alone.
     birth
         Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
@@ -118,6 +121,7 @@ class Plan:
     faults: tuple[Fault, ...] = ()
     rehearse: Callable[[], None] | None = None
     prepare: Callable[[], None] | None = None
+    anew: Callable[[], Graph] | None = None
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
     told: str = ""

@@ -95,7 +95,7 @@ class WallCoordinatorNode(Convener, TimedNode):
         end = self.monotonic.instant_ns(self.plan.graph.end_tick) + _GRACE_NS
         return min(end, self._next_clock) if self._clock.heard else end
 
-    def turn(self) -> None:
+    def turn(self, calm: bool = True) -> None:
         """End the run when it is time; let all go when nothing is on its way any more."""
         if self.wall is None or self.finished:
             return

@@ -18,6 +18,7 @@ from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.engines.ros.wall_coordinator import WallCoordinatorNode
 from etac_ros.engines.ros.wall_node import TimedNode, WallModuleNode, WallPlantNode
 from etac_ros.engines.ros.wall_recorder import WallRecorderNode
+from etac_ros.engines.ros.wall_rehearsals import Rehearsals
 from etac_ros.engines.ros.wall_time import be_punctual
 from etac_ros.maths.ticks import NANOSECONDS
 
@@ -25,7 +26,7 @@ _LOOK_NS = NANOSECONDS // 20
 _SHORT_NS = NANOSECONDS // 500
 """What the housekeeping of a loop takes at most, by far."""
 _NEVER_NS = 2**63
-_READY_NS = NANOSECONDS // 2000
+_READY_NS = NANOSECONDS // 1000
 """How long before an act a process with a priority is awake."""
 _GATHER_S = 0.002
 """How long the recorder lets messages gather: their times come from DDS, and others need the processor more."""
@@ -63,6 +64,8 @@ class WallHost(Host):
         """Here everybody is to wake at once, and :func:`be_punctual` sees to that when the run begins."""
         if self._plan.rehearse is not None and not {COORDINATOR, RECORDER}.issuperset(self._names):
             self._plan.rehearse()
+        self._rehearsals = Rehearsals(self._plan, self._names)
+        self._rehearsals.rehearse_alone()
 
     def _make_ready(self) -> None:
         """It is, before DDS has threads."""
@@ -77,6 +80,7 @@ class WallHost(Host):
         gc.disable()  # it would stop a loop for milliseconds, whenever it likes
         stands_ready = priority > 0 and any(isinstance(node, WallModuleNode) for node in self._timed)
         look = 0
+        self._rehearsals.join(self._timed)
         while not all(node.finished for node in self._nodes):
             now = time.monotonic_ns()
             # Not just before an act: that can wait, the act cannot.
@@ -89,28 +93,36 @@ class WallHost(Host):
                     for node in self._timed:
                         node.tell()
                 now = time.monotonic_ns()
+            rehearses = self._timed[0].wall is not None and self._rehearsals.rehearse_early(self._timed[0].monotonic)
             due = self._due_ns(look + _LOOK_NS)
-            wake = min(max(look, now + _SHORT_NS), due)
-            if stands_ready and 0 < due - now <= _READY_NS:
+            wake = now if rehearses else min(max(look, now + _SHORT_NS), due)
+            ready = max(_READY_NS, self._rehearsals.ready_ns)
+            if stands_ready and 0 < due - now <= ready:
                 self._stand_ready(due)
             else:
-                ahead = _READY_NS if stands_ready and wake == due else 0
+                ahead = ready if stands_ready and wake == due else 0
                 self._spinner.once(max(0, wake - ahead - now) / NANOSECONDS)
+            now = time.monotonic_ns()
+            calm = self._due_ns(now + NANOSECONDS) - now > _SHORT_NS
             for node in self._by_urgency():
-                node.turn()
+                node.turn(calm)
                 if priority:
                     # Else a process with a priority keeps its processor through a whole chain of messages from node to
                     # node in it, of 2 ms, while others of the same priority are late for their acts.
                     os.sched_yield()
+            self._rehearsals.over()
         for node in self._timed:
             node.finish()
 
     def _stand_ready(self, due: int) -> None:
         """Be awake shortly before an act, with all at hand that it needs; whoever has the same priority may go first.
 
-        A wake-up takes 0.1 to 0.2 ms, and an act after a sleep in which others have used the processor three times as
-        long as one right after another.
+        A wake-up takes 0.1 to 0.2 ms, sometimes 0.8, and an act after a sleep in which others have used the processor
+        three times as long as one right after another.
         """
+        while self._rehearsals.ready_ns:
+            self._rehearsals.rehearse_late(due)
+            os.sched_yield()
         min(self._timed, key=_wakes).rehearse()
         while time.monotonic_ns() < due:
             os.sched_yield()

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.impl.logging_severity import LoggingSeverity
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray, Header
 
 from etac_ros.bag.codec import decode, encode_truth
@@ -36,7 +37,10 @@ DIAGNOSTICS = "/diagnostics"
 """Where ROS tools expect them."""
 _NOTES_NS = NANOSECONDS // 2
 """How often a node hands its ledger to the recorder; what a killed one can lose."""
+_NOTES_AT_LAST_NS = 3 * _NOTES_NS // 2
+"""Likewise, where there is always something due."""
 _NOTHING = DiagnosticArray()
+_NOTHING_RAW = serialize_message(_NOTHING)
 _GRACE_NS = NANOSECONDS // 10
 """How long after the last tick a foreign node's answer still counts."""
 
@@ -78,8 +82,14 @@ class TimedNode(RunNode):
         """When there is something to do unasked, on the monotonic clock [ns]; None if there is nothing."""
         return None
 
-    def turn(self) -> None:
-        """The loop has come round: do what is due."""
+    def turn(self, calm: bool = True) -> None:
+        """The loop has come round: do what is due.
+
+        Parameters
+        ----------
+        calm
+            Whether nothing of this process is due soon, so that what can wait need not.
+        """
 
     def rehearse(self) -> None:
         """It is to act in a moment: have at hand what that takes."""
@@ -224,17 +234,24 @@ class WallNode(TimedNode):
         if not self._diagnostics.get_subscription_count():
             self._diagnostics.publish(_NOTHING)  # heard by nobody, but the same way through DDS
 
+    def transmit(self, link: Link, value: FloatArray, tick: int) -> FloatArray:
+        """In a rehearsal: all that becomes of a value that this node sends, but that anybody hears it."""
+        data = encode(link.wire, value, nanoseconds(tick, self.plan.graph.ticks_per_second))
+        if not self._diagnostics.get_subscription_count():
+            self._diagnostics.handle.publish_raw(_NOTHING_RAW)
+        return decode(link.wire.type_name, data)
+
     def next_wake_ns(self) -> int | None:
         """As the worker says."""
         return None if self.stop is not None else self.worker.next_wake_ns()
 
-    def turn(self) -> None:
+    def turn(self, calm: bool = True) -> None:
         """Do what is due, and hand over the ledger now and then."""
         now = time.monotonic_ns()
         if self.stop is None:
             self.worker.progress(now)
         self.diagnose(now)
-        if self.stop is not None or now - self._noted_ns > _NOTES_NS:
+        if self.stop is not None or now - self._noted_ns > (_NOTES_NS if calm else _NOTES_AT_LAST_NS):
             self._hand_over_ledger(now)
             self.settle()
 
@@ -376,12 +393,12 @@ class WallPlantNode(WallNode):
         self._new_readers = not plan.revived.isdisjoint(readers)
         self._ends = 0
 
-    def turn(self) -> None:
+    def turn(self, calm: bool = True) -> None:
         """As any node; and show a window to a reader that has come anew."""
         if self._new_readers and (ends := self._windows.ends) != self._ends:
             self._ends = ends
             self.worker.show_again(time.monotonic_ns())
-        super().turn()
+        super().turn(calm)
 
     def abort(self) -> None:
         """Publish the rest of what is final."""

@@ -74,7 +74,7 @@ class WallRecorderNode(TimedNode):
         for entry in early:
             self._write(*entry)
 
-    def turn(self) -> None:
+    def turn(self, calm: bool = True) -> None:
         """After the end: say what has come."""
         if self.stop is not None:
             for plant, assembled in self._assembled.items():
