@@ -767,6 +767,7 @@ def run_over_ros(
                 on_start,
                 guard,
                 options.machines,
+                options.domain is None,
             )
             try:
                 outcome = launcher.run()

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
-from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.engines.ros.environment import MOST_PEERS, enter_launched_run
 from etac_ros.engines.ros.host import EndedByOthers, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
 from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
@@ -48,6 +48,8 @@ from etac_ros.timing.membership import birth_ns, restarts_of
 
 MOST_PROCESSES = 100
 """A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
+_GUESTS = 8
+"""Tools of ROS that may have joined the domain of a run before its last process, and have taken a place."""
 _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
 _LOOKS_S = 0.5
@@ -119,6 +121,8 @@ class Launcher:
         Keeps signals for the moments at which a run can be ended; None where nobody does.
     machines
         Those that the run is spread over; None keeps to this one.
+    own_domain
+        Whether the domain was taken for this run, so that nobody else was there first.
 
     Attributes
     ----------
@@ -137,6 +141,7 @@ class Launcher:
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
         machines: Machines | None = None,
+        own_domain: bool = False,
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -156,6 +161,7 @@ class Launcher:
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
         self._machines = machines
+        self._own_domain = own_domain
         self._deeds: deque[_Deed] = deque()
         self._wall: WallClock
         self._stand_ins: dict[str, _Child] = {}
@@ -230,7 +236,11 @@ class Launcher:
         fork = multiprocessing.get_context("fork")
         ours, theirs = fork.Pipe(duplex=fault is not None)
         supervised = Supervised(os.getpid(), self._signs, place)
-        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines, fault)
+        # In a domain that somebody has chosen there may be others, who were there first.
+        peers = len(self._groups) + _GUESTS if self._own_domain else MOST_PEERS
+        task = _Task(
+            self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines, peers, fault
+        )
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -409,6 +419,7 @@ class _Task:
     patient: bool
     supervised: Supervised
     machines: Machines | None
+    peers: int
     fault: Fault | None = None
     """That which makes room for this process; None of one that is there from the start."""
 
@@ -442,7 +453,7 @@ def _ending(exitcode: int | None) -> str:
 
 def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
-    enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
+    enter_launched_run(os.environ, task.domain, not task.patient, task.machines, task.peers)
     label = f"node {', '.join(task.names)}"
     plan = task.plan if task.fault is None else replace(task.plan, birth=_sleep_until_born(task.supervised, pipe))
 
