@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
 from etac_ros.bag.contents import Contents
-from etac_ros.bag.definitions import schema_text, type_hash
+from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
+from etac_ros.bag.description import describe_run, to_json
 from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.live import LIVE_WAITS_S, LiveView, Viewer, Viewers, check_live
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
     from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
+_REHEARSAL_S = 0.01
+"""How long a process that waits for the others rehearses at most: 0.3 ms a trigger, once it has its pages."""
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
@@ -129,6 +132,32 @@ def first_ticks(scenario: Scenario) -> Callable[[], None]:
         InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
     return run
+
+
+def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] | None:
+    """What each process of a run goes through before it joins; nothing where that costs more than it gains.
+
+    Classes of a user are built and called for their run alone: they may print, or move hardware.
+    """
+    if wall is not None:
+        return first_ticks(scenario) if wall.priority else None
+    if foreign_classes(scenario.classes):
+        return None
+    from etac_ros.engines.ros.rehearsal import Rehearsal
+
+    def rehearse() -> None:
+        deadline_s = time.monotonic() + _REHEARSAL_S
+        Rehearsal(scenario.build(), windows_of(scenario)).run(deadline_s)
+
+    return rehearse
+
+
+def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
+    """Go through what opening a bag takes the first time, which is when a run begins."""
+    scenario.text.encode()
+    to_json(describe_run(graph, {}))
+    for topic in recorded_topics(graph):
+        offered_qos_yaml(topic.reliability.value, topic.latched)
 
 
 def _played_in_real_time(graph: Graph) -> Graph:
@@ -730,7 +759,8 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
+        rehearse=_rehearsal(scenario, wall),
+        prepare=partial(_describe_in_vain, scenario, graph),
         anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
     )
     extra: tuple[TopicDescription, ...] = ()
@@ -760,6 +790,7 @@ def run_over_ros(
                 guard,
                 options.machines,
                 opener.ready,
+                options.domain is None,
             )
             try:
                 outcome = launcher.run()

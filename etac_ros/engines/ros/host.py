@@ -176,6 +176,7 @@ class Host:
                 may_keep_apart(os.environ, Path.cwd()),
             ) from None
         try:
+            self._make_ready()
             self._join()
             self._take_part()
         except BaseException as error:
@@ -214,6 +215,13 @@ class Host:
                 self._nodes.append(plants[name])
             else:
                 self._nodes.append(ModuleNode(self._plan, name, self._spinner, context))
+
+    def _make_ready(self) -> None:
+        """Called while DDS looks for the others, when there is nothing else to do."""
+        if self._plan.prepare is not None and RECORDER in self._names:
+            self._plan.prepare()
+        if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
+            self._plan.rehearse()
 
     def _join(self) -> None:
         waiting = list(self._nodes)
