@@ -120,22 +120,20 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
-    first_ticks(scenario)()
-
-
-def first_ticks(scenario: Scenario) -> Callable[[], None]:
-    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-
-    def run() -> None:
-        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
-
-    return run
+    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
 
 
 def _played_in_real_time(graph: Graph) -> Graph:
     """What the processes of a real-time run play: faults are the launcher's to do."""
     return replace(graph.in_real_time(), faults=(), spares={})
+
+
+def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
+    if wall is None or not wall.priority:
+        return None
+    return lambda: _played_in_real_time(scenario.build())
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -589,8 +587,15 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
-def play_part(scenario: Scenario, options: RosOptions) -> bool:
+def play_part(scenario: Scenario, options: RosOptions, on_join: Callable[[], None] = lambda: None) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
+
+    Parameters
+    ----------
+    scenario, options
+        The run.
+    on_join
+        Called when nothing is wrong with them.
 
     Returns
     -------
@@ -622,8 +627,11 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
         quiet_s=options.quiet_s,
         wall=wall,
         parameters=shown,
+        anew=anew_in_real_time(scenario, wall),
     )
-    if COORDINATOR in plan.part(options.only):
+    part = plan.part(options.only)
+    on_join()
+    if COORDINATOR in part:
         return False
     warm_up(scenario)
     processes = Processes(options.processes)
@@ -709,8 +717,7 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
-        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
+        anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:

@@ -214,6 +214,7 @@ class Host:
         for node in waiting:
             node.log(f"ready in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}; the run begins when all are there")
         began = told = time.monotonic()
+        patience_s = self._plan.quiet_s
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
@@ -221,9 +222,10 @@ class Host:
                 node.announce()
                 waiting.remove(node)
             now = time.monotonic()
-            if not waiting or now - max(told, self._excused) < self._plan.quiet_s:
+            if not waiting or now - max(told, self._excused) < patience_s:
                 continue
             told = now
+            patience_s *= 2.0  # each node of a part says so: at once that would be a screen full every 20 s
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
                 raise RunError(

@@ -89,11 +89,9 @@ class Plan:
         the coordinator alone.
     faults
         In real time: what the launcher does to processes. In simulated time the graph has them.
-    rehearse
-        In real time with a priority: what each process with a module does before it joins. It was forked from one that
-        has done it already, and owns nothing yet of what that takes: the first act would be three times as long.
     anew
-        Likewise: builds the graph once more, for rehearsals of tick 0, which are to leave the run's modules alone.
+        In real time with a priority: builds the graph once more, for rehearsals of tick 0, which are to leave the
+        modules of the run alone.
     birth
         Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
@@ -115,7 +113,6 @@ class Plan:
     wall: RealTime | None = None
     pace: float | None = None
     faults: tuple[Fault, ...] = ()
-    rehearse: Callable[[], None] | None = None
     anew: Callable[[], Graph] | None = None
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None

@@ -62,8 +62,6 @@ class WallHost(Host):
 
     def _before_threads(self) -> None:
         """Here everybody is to wake at once, and :func:`be_punctual` sees to that when the run begins."""
-        if self._plan.rehearse is not None and not {COORDINATOR, RECORDER}.issuperset(self._names):
-            self._plan.rehearse()
         self._rehearsals = Rehearsals(self._plan, self._names)
         self._rehearsals.rehearse_alone()
 
@@ -117,9 +115,7 @@ class WallHost(Host):
         A wake-up takes 0.1 to 0.2 ms, sometimes 0.8, and an act after a sleep in which others have used the processor
         three times as long as one right after another.
         """
-        while self._rehearsals.ready_ns:
-            self._rehearsals.rehearse_late(due)
-            os.sched_yield()
+        self._rehearsals.stand_ready(due)
         min(self._timed, key=_wakes).rehearse()
         while time.monotonic_ns() < due:
             os.sched_yield()

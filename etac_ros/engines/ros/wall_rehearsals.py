@@ -41,6 +41,7 @@ class Rehearsals:
         self._names = [name for name in names if name in plan.graph.modules]
         wanted = plan.anew is not None and plan.birth is None and self._names
         self._early = _EARLY if wanted else 0
+        self._first = bool(wanted)
         self._takes_ns = 0
         self._at_hand: list[Rehearsal] = []
         self._processors: set[int] = set()
@@ -81,14 +82,16 @@ class Rehearsals:
         """How long before tick 0 the process wants to be awake; 0 if there is nothing left to rehearse."""
         return 2 * _ROUND * self._takes_ns if self._at_hand else 0
 
-    def rehearse_late(self, due: int) -> None:
-        """Once more, if there is time before tick 0; on the processor on which tick 0 will be."""
+    def stand_ready(self, due: int) -> None:
+        """The first act is near: once more, if there is time, and on the processor on which that will be."""
+        if not self._first:
+            return
         if not self._processors:
             self._take_processor()
-        if time.monotonic_ns() > due - _ROUND * self._takes_ns:
-            self._at_hand.clear()
-        elif self._at_hand:
+        while self._at_hand and time.monotonic_ns() < due - _ROUND * self._takes_ns:
             self._run(self._at_hand.pop())
+            os.sched_yield()
+        self._at_hand.clear()
 
     def _take_processor(self) -> None:
         """Spread those that act over the processors.
@@ -108,8 +111,9 @@ class Rehearsals:
             os.sched_setaffinity(0, {sorted(self._processors)[own % len(self._processors)]})
 
     def over(self) -> None:
-        """The first act has been done: from here on the kernel says who runs where."""
+        """What was due has been done: after the first act the kernel says again who runs where."""
         if self._processors:
+            self._first = False
             os.sched_setaffinity(0, self._processors)
             self._processors = set()
 
