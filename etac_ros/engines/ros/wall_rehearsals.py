@@ -16,6 +16,7 @@ from etac_ros.timing.wall_rehearsal import Rehearsal
 
 _EARLY, _LATE = 12, 2
 """Enough for the interpreter, which adapts to what it runs often; and for the processor's caches."""
+_ALONE = 3
 _REST_NS = NANOSECONDS // 20
 """Between the early ones and tick 0 at least: others begin later, and windows are on their way."""
 _MOST_NS = NANOSECONDS // 100
@@ -47,13 +48,17 @@ class Rehearsals:
         self._processors: set[int] = set()
 
     def rehearse_alone(self) -> None:
-        """Once before the process has anything to do with others, to see how long it takes."""
+        """Before the process has anything to do with others, to see how long it takes: the first time does not tell."""
         if not self._early:
             return
         assert self._plan.wall is not None
         clock = WallClock(0, self._plan.graph.ticks_per_second, self._plan.wall.rate)
-        if self._run(self._rehearsal(clock)) is None or self._takes_ns > _MOST_NS:
-            self._early = 0
+        for _ in range(_ALONE):
+            if self._run(self._rehearsal(clock)) is None:
+                break
+            if self._takes_ns <= _MOST_NS:
+                return
+        self._early = 0
 
     def join(self, nodes: Sequence[TimedNode]) -> None:
         """The nodes are there: from here on what is sent goes their way."""
