@@ -166,7 +166,6 @@ def test_the_cpp_package_says_what_it_needs() -> None:
     assert all(f"find_package({name} REQUIRED)" in cmake for name in needs)
 
 
-@pytest.mark.slow
 def test_the_cpp_package_builds_on_a_full_ros(tmp_path: Path) -> None:
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     if not any(Path(prefix, "share", "ament_cmake").is_dir() for prefix in prefixes):
