@@ -121,26 +121,15 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
-    first_ticks(scenario)()
-
-
-def first_ticks(scenario: Scenario) -> Callable[[], None]:
-    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-
-    def run() -> None:
-        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
-
-    return run
+    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
 
-def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] | None:
-    """What each process of a run goes through before it joins; nothing where that costs more than it gains.
+def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
+    """What each process of a run in simulated time goes through before it joins; nothing where that costs more than it gains.
 
     Classes of a user are built and called for their run alone: they may print, or move hardware.
     """
-    if wall is not None:
-        return first_ticks(scenario) if wall.priority else None
     if foreign_classes(scenario.classes):
         return None
     from etac_ros.engines.ros.rehearsal import Rehearsal
@@ -152,17 +141,16 @@ def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] 
     return rehearse
 
 
-def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
-    """Go through what opening a bag takes the first time, which is when a run begins."""
-    scenario.text.encode()
-    to_json(describe_run(graph, {}))
-    for topic in recorded_topics(graph):
-        offered_qos_yaml(topic.reliability.value, topic.latched)
-
-
 def _played_in_real_time(graph: Graph) -> Graph:
     """What the processes of a real-time run play: faults are the launcher's to do."""
     return replace(graph.in_real_time(), faults=(), spares={})
+
+
+def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
+    if wall is None or not wall.priority:
+        return None
+    return lambda: _played_in_real_time(scenario.build())
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -639,8 +627,15 @@ def load_summary() -> None:
     import etac_ros.metrics.summary  # noqa: F401
 
 
-def play_part(scenario: Scenario, options: RosOptions) -> bool:
+def play_part(scenario: Scenario, options: RosOptions, on_join: Callable[[], None] = lambda: None) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
+
+    Parameters
+    ----------
+    scenario, options
+        The run.
+    on_join
+        Called when nothing is wrong with them.
 
     Returns
     -------
@@ -672,8 +667,11 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
         quiet_s=options.quiet_s,
         wall=wall,
         parameters=shown,
+        anew=anew_in_real_time(scenario, wall),
     )
-    if COORDINATOR in plan.part(options.only):
+    part = plan.part(options.only)
+    on_join()
+    if COORDINATOR in part:
         return False
     warm_up(scenario)
     processes = Processes(options.processes)
@@ -759,9 +757,8 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=_rehearsal(scenario, wall),
-        prepare=partial(_describe_in_vain, scenario, graph),
-        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
+        rehearse=None if wall is not None else _rehearsal(scenario),
+        anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
@@ -864,6 +861,8 @@ class _Opener:
         for topic in (*recorded_topics(self.graph), *self.extra, *shown):
             schema_text(topic.type_name)
             type_hash(topic.type_name)
+            offered_qos_yaml(topic.reliability.value, topic.latched)
+        to_json(describe_run(self.graph, {}))
 
     def open(self, wall: WallClock | None = None) -> RunBag:
         """Create it."""

@@ -218,8 +218,6 @@ class Host:
 
     def _make_ready(self) -> None:
         """Called while DDS looks for the others, when there is nothing else to do."""
-        if self._plan.prepare is not None and RECORDER in self._names:
-            self._plan.prepare()
         if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
             self._plan.rehearse()
 
@@ -228,6 +226,7 @@ class Host:
         for node in waiting:
             node.log(f"ready in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}; the run begins when all are there")
         began = told = time.monotonic()
+        patience_s = self._plan.quiet_s
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
@@ -235,9 +234,10 @@ class Host:
                 node.announce()
                 waiting.remove(node)
             now = time.monotonic()
-            if not waiting or now - max(told, self._excused) < self._plan.quiet_s:
+            if not waiting or now - max(told, self._excused) < patience_s:
                 continue
             told = now
+            patience_s *= 2.0  # each node of a part says so: at once that would be a screen full every 20 s
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
                 raise RunError(
