@@ -126,7 +126,7 @@ def warm_up(scenario: Scenario) -> None:
 
 
 def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
-    """What each process of a run in simulated time goes through before it joins; nothing where that costs more than it gains.
+    """What each process of a run in simulated time goes through before it joins.
 
     Classes of a user are built and called for their run alone: they may print, or move hardware.
     """
