@@ -22,6 +22,8 @@ _USUAL = gc.get_threshold()
 def main() -> None:
     """Import the commands and run the one that is asked for."""
     spare_what_is_imported()
+    # Else pydantic would look through all that is installed for plugins of its own, which have no business here.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from etac_ros.cli.main import main as command
 
@@ -61,7 +63,8 @@ def leave(code: Any) -> None:
         _flush_files()
     if written or not isinstance(code, int | None) or _is_waited_for():
         sys.exit(code)
-    atexit._run_exitfuncs()
+    with suppress(KeyboardInterrupt):  # it is over: there is nothing left to interrupt
+        atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
             stream.flush()
