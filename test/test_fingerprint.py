@@ -146,3 +146,9 @@ def test_it_differs_by_all_that_numba_builds_in(before: str, after: str) -> None
 @pytest.mark.parametrize("value", ["Own()", "Own", "[].append", "np.array([None])"])
 def test_there_is_none_of_what_is_not_known_through_and_through(value: str) -> None:
     assert of(made(f"class Own:\n    value = 1.0\nk = {value}\nagain = lambda x: k")) is None
+
+
+def test_what_only_shares_its_name_with_an_attribute_is_of_no_matter() -> None:
+    used = "import math\nagain = lambda x: math.log(x)"
+    assert of(made(f"log = object()\n{used}")) is not None
+    assert of(made(f"log = object()\n{used} + log")) is None

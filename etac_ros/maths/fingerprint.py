@@ -7,6 +7,7 @@ Of what is not known here no digest tells enough, and so there is none: then not
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import re
 import sys
@@ -121,7 +122,11 @@ class _Walk:
         for name in names:
             if name in function.__globals__:
                 self._say(name)
-                self.value(function.__globals__[name], names)
+                try:
+                    self.value(function.__globals__[name], names)
+                except _Unknown:  # which is of no matter where an attribute has the name of something else
+                    if name in _globals_of(function.__code__):
+                        raise
         for stands_in in self._overloads.get(id(function), ()):
             self._function(stands_in)
 
@@ -199,6 +204,12 @@ def _overloads(count: int) -> Mapping[int, list[FunctionType]]:
                 if isinstance(stands_in := getattr(template, "_overload_func", None), FunctionType):
                     found.setdefault(id(value), []).append(stands_in)
     return found
+
+
+def _globals_of(code: CodeType) -> set[str]:
+    """The names in a function and those within it that are global."""
+    found = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    return found.union(*(_globals_of(constant) for constant in code.co_consts if isinstance(constant, CodeType)))
 
 
 def _is_of_a_version(module: str | None) -> bool:
