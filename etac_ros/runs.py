@@ -32,8 +32,6 @@ from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
-from etac_ros.capture.account import WireAccount
-from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.engines.ros.several_machines import Machines
@@ -47,9 +45,7 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
-from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
-from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
@@ -58,7 +54,9 @@ from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, check_pace, short_windows
 
 if TYPE_CHECKING:
+    from etac_ros.capture.account import WireAccount
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
@@ -438,6 +436,9 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     # A bag keeps committed samples as they come, so it shows how a run went on.
     engine = engine_by_calls(scenario, graph, pace, in_one=bag is None)
     with contextlib.ExitStack() as shown:
@@ -593,6 +594,22 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
+def load_ros() -> None:
+    """Import what a run over DDS needs: it has to be done before the run, and can be while something else goes on."""
+    from etac_ros.engines.ros import own_process
+
+    if not own_process.is_needed():
+        from etac_ros.engines.ros.launcher import load
+
+        load()
+
+
+def load_summary() -> None:
+    """Import what sums a run up: only once it is over is it needed."""
+    import etac_ros.metrics.kept
+    import etac_ros.metrics.summary  # noqa: F401
+
+
 def play_part(scenario: Scenario, options: RosOptions) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
 
@@ -721,14 +738,15 @@ def run_over_ros(
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     if options.live is not None:
         check_live(options.live)
-    state = state_streams(scenario, live=options.live is not None)
-    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
-        # Loads the definitions before the fork, where they cost nobody's start-up.
-        schema_text(topic.type_name)
-        type_hash(topic.type_name)
     whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
+
+    def began_all(pids: dict[str, int]) -> None:
+        on_start(pids)
+        load_summary()  # while they find each other
+
+    opener = _Opener(scenario, graph, bag, extra, options.live, whole, outlet.take)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
@@ -736,11 +754,12 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
+                opener.open,
                 outlet.after(on_progress),
-                on_start,
+                began_all,
                 guard,
                 options.machines,
+                opener.ready,
             )
             try:
                 outcome = launcher.run()
@@ -755,6 +774,8 @@ def run_over_ros(
         outlet.close()
         lease.release()
     if wire:
+        from etac_ros.capture.kept import write_to_bag
+
         write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
@@ -766,6 +787,9 @@ def run_over_ros(
         # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
         in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
     check(plan, outcome, in_bag)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -789,6 +813,33 @@ def run_over_ros(
     return Run(scenario, summary, recording, bag)
 
 
+@dataclass
+class _Opener:
+    """Opens the bag of a run over DDS, in the recorder's process, which alone needs message definitions for it."""
+
+    scenario: Scenario
+    graph: Graph
+    bag: Path
+    extra: tuple[TopicDescription, ...]
+    live: int | None
+    whole: TruthFile | None
+    on_picture: OnPicture | None
+    _state: StateStreams | None = None
+
+    def ready(self) -> None:
+        """Load and make what a bag needs, while the nodes find each other: when it is opened they wait for it."""
+        self._state = state_streams(self.scenario, live=self.live is not None)
+        shown = () if self._state is None else self._state.topics
+        for topic in (*recorded_topics(self.graph), *self.extra, *shown):
+            schema_text(topic.type_name)
+            type_hash(topic.type_name)
+
+    def open(self, wall: WallClock | None = None) -> RunBag:
+        """Create it."""
+        extra, state, live = self.extra, self._state, self.live
+        return open_bag(self.scenario, self.bag, "ros", extra, state, wall, live, self.whole, self.on_picture)
+
+
 @contextlib.contextmanager
 def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
     """Captures meanwhile; what was captured is in the list afterwards, if something was."""
@@ -796,6 +847,7 @@ def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[W
     if not options.capture:
         yield accounts
         return
+    from etac_ros.capture.kept import account_of
     from etac_ros.capture.live import CannotCapture, Capture, ports_of
 
     with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:

@@ -18,6 +18,8 @@ _IMPORTED = 300_000
 def main() -> None:
     """Import the commands and run the one that is asked for."""
     spare_what_is_imported()
+    # Else pydantic would look through all that is installed for plugins of its own, which have no business here.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from etac_ros.cli.main import main as command
 
@@ -57,7 +59,8 @@ def leave(code: Any) -> None:
         not thread.daemon for thread in threading.enumerate() if thread is not threading.current_thread()
     ):
         sys.exit(code)
-    atexit._run_exitfuncs()
+    with suppress(KeyboardInterrupt):  # it is over: there is nothing left to interrupt
+        atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
             stream.flush()
