@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
 from etac_ros.bag.contents import Contents
-from etac_ros.bag.definitions import schema_text, type_hash
+from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
+from etac_ros.bag.description import describe_run, to_json
 from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.live import LIVE_WAITS_S, LiveView, Viewer, Viewers, check_live
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
     from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
+_REHEARSAL_S = 0.01
+"""How long a process that waits for the others rehearses at most: 0.3 ms a trigger, once it has its pages."""
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
@@ -125,23 +128,37 @@ def warm_up(scenario: Scenario, in_one: bool = False) -> None:
         return
     _warm.add((scenario.digest, in_one))
     import_numba()
-    first_ticks(scenario, in_one)()
-
-
-def first_ticks(scenario: Scenario, in_one: bool = False) -> Callable[[], None]:
-    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
+    begun = replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS))
+    InProcess(begun, WindowPolicy(8, 8), trimmed=8, in_one=in_one).run()
 
-    def run() -> None:
-        begun = replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS))
-        InProcess(begun, WindowPolicy(8, 8), trimmed=8, in_one=in_one).run()
 
-    return run
+def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
+    """What each process of a run in simulated time goes through before it joins.
+
+    Classes of a user are built and called for their run alone: they may print, or move hardware.
+    """
+    if foreign_classes(scenario.classes):
+        return None
+    from etac_ros.engines.ros.rehearsal import Rehearsal
+
+    def rehearse() -> None:
+        deadline_s = time.monotonic() + _REHEARSAL_S
+        Rehearsal(scenario.build(), windows_of(scenario)).run(deadline_s)
+
+    return rehearse
 
 
 def _played_in_real_time(graph: Graph) -> Graph:
     """What the processes of a real-time run play: faults are the launcher's to do."""
     return replace(graph.in_real_time(), faults=(), spares={})
+
+
+def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
+    if wall is None or not wall.priority:
+        return None
+    return lambda: _played_in_real_time(scenario.build())
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -618,8 +635,15 @@ def load_summary() -> None:
     import etac_ros.metrics.summary  # noqa: F401
 
 
-def play_part(scenario: Scenario, options: RosOptions) -> bool:
+def play_part(scenario: Scenario, options: RosOptions, on_join: Callable[[], None] = lambda: None) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
+
+    Parameters
+    ----------
+    scenario, options
+        The run.
+    on_join
+        Called when nothing is wrong with them.
 
     Returns
     -------
@@ -651,8 +675,11 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
         quiet_s=options.quiet_s,
         wall=wall,
         parameters=shown,
+        anew=anew_in_real_time(scenario, wall),
     )
-    if COORDINATOR in plan.part(options.only):
+    part = plan.part(options.only)
+    on_join()
+    if COORDINATOR in part:
         return False
     warm_up(scenario)
     processes = Processes(options.processes)
@@ -738,8 +765,8 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=first_ticks(scenario) if wall is not None and wall.priority else None,
-        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
+        rehearse=None if wall is not None else _rehearsal(scenario),
+        anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
@@ -768,6 +795,7 @@ def run_over_ros(
                 guard,
                 options.machines,
                 opener.ready,
+                options.domain is None,
             )
             try:
                 outcome = launcher.run()
@@ -841,6 +869,8 @@ class _Opener:
         for topic in (*recorded_topics(self.graph), *self.extra, *shown):
             schema_text(topic.type_name)
             type_hash(topic.type_name)
+            offered_qos_yaml(topic.reliability.value, topic.latched)
+        to_json(describe_run(self.graph, {}))
 
     def open(self, wall: WallClock | None = None) -> RunBag:
         """Create it."""

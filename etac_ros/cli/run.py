@@ -107,8 +107,8 @@ def run_and_show(request: RunRequest, console: Console) -> None:
     if options.only is not None:
         if options.domain is None:
             raise ScenarioError(f"--only {options.only}", "has no run to join", "--join ID, the same for all parts")
-        console.print(f"{scenario.name}: {options.only} joins ROS domain {options.domain}")
-        if play_part(scenario, options):
+        joins = f"{scenario.name}: {options.only} joins ROS domain {options.domain}"
+        if play_part(scenario, options, lambda: console.print(joins)):
             console.print(f"{options.only}: the run is over")
             _say_what_was_idle(request)
             return

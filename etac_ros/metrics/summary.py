@@ -29,6 +29,7 @@ from etac_ros.metrics.accounts import (
     link_accounts,
     medium_accounts,
 )
+from etac_ros.metrics.curves import last_tick
 from etac_ros.metrics.fault_account import FaultAccount, fault_accounts
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.latency import RealTimeAccount, real_time_account
@@ -149,6 +150,8 @@ class SampleFigures(_Model):
     samples: dict[str, int]
     faults: dict[str, FaultAccount]
     own: list[MeasuredValue]
+    ended_s: float | None = None
+    """None in a bag of before this was kept."""
 
 
 class PublishedValue(_Figure):
@@ -184,7 +187,8 @@ class Summary(_Model):
     engine: Literal["ros", "inprocess"]
     overrides: dict[str, JsonValue]
     seed: int
-    duration_s: float = Field(description="simulated")
+    duration_s: float = Field(description="simulated time that the scenario asks for")
+    ended_s: float = Field(description="simulated time at the end: earlier than asked for where a watch ended the run")
     steady_from_s: float = Field(description="simulated time from which steady figures are taken")
     halted: str = Field(description="why a watch ended the run early; empty otherwise")
     triggers: dict[str, Triggers] = Field(description="by the sensor's full name")
@@ -296,6 +300,7 @@ def summarise(
         overrides=dict(scenario.overrides),
         seed=scenario.run.seed,
         duration_s=scenario.run.duration_s,
+        ended_s=scenario.run.duration_s if figures.ended_s is None else figures.ended_s,
         steady_from_s=from_s,
         halted=halted,
         triggers=_triggers(graph, recording, steady),
@@ -341,6 +346,7 @@ def sample_figures(scenario: Scenario, graph: Graph, recording: Recording) -> Sa
         samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
         faults=fault_accounts(graph, recording),
         own=_own_figures(published_figures(scenario, graph), graph, recording),
+        ended_s=float(seconds(last_tick(graph, recording), graph.ticks_per_second)) if graph.plants else None,
     )
 
 

@@ -176,6 +176,7 @@ class Host:
                 may_keep_apart(os.environ, Path.cwd()),
             ) from None
         try:
+            self._make_ready()
             self._join()
             self._take_part()
         except BaseException as error:
@@ -215,11 +216,17 @@ class Host:
             else:
                 self._nodes.append(ModuleNode(self._plan, name, self._spinner, context))
 
+    def _make_ready(self) -> None:
+        """Called while DDS looks for the others, when there is nothing else to do."""
+        if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
+            self._plan.rehearse()
+
     def _join(self) -> None:
         waiting = list(self._nodes)
         for node in waiting:
             node.log(f"ready in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}; the run begins when all are there")
         began = told = time.monotonic()
+        patience_s = self._plan.quiet_s
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
@@ -227,9 +234,10 @@ class Host:
                 node.announce()
                 waiting.remove(node)
             now = time.monotonic()
-            if not waiting or now - max(told, self._excused) < self._plan.quiet_s:
+            if not waiting or now - max(told, self._excused) < patience_s:
                 continue
             told = now
+            patience_s *= 2.0  # each node of a part says so: at once that would be a screen full every 20 s
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
                 raise RunError(

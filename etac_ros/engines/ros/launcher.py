@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
-from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.engines.ros.environment import MOST_PEERS, enter_launched_run
 from etac_ros.engines.ros.host import EndedByOthers, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
 from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
@@ -48,6 +48,8 @@ from etac_ros.timing.membership import birth_ns, restarts_of
 
 MOST_PROCESSES = 100
 """A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
+_GUESTS = 8
+"""Tools of ROS that may have joined the domain of a run before its last process, and have taken a place."""
 _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
 _LOOKS_S = 0.5
@@ -126,6 +128,8 @@ class Launcher:
         Those that the run is spread over; None keeps to this one.
     ready_sink
         Readies what ``open_sink`` needs, in the recorder's process, while the others join.
+    own_domain
+        Whether the domain was taken for this run, so that nobody else was there first.
 
     Attributes
     ----------
@@ -145,6 +149,7 @@ class Launcher:
         guard: SignalGuard | None = None,
         machines: Machines | None = None,
         ready_sink: Callable[[], None] = lambda: None,
+        own_domain: bool = False,
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -164,6 +169,7 @@ class Launcher:
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
         self._machines = machines
+        self._own_domain = own_domain
         self._deeds: deque[_Deed] = deque()
         self._wall: WallClock
         self._stand_ins: dict[str, _Child] = {}
@@ -241,7 +247,9 @@ class Launcher:
         ours, theirs = fork.Pipe(duplex=fault is not None)
         supervised = Supervised(os.getpid(), self._signs, place)
         sink = (self._open_sink, self._ready_sink)
-        task = _Task(self._plan, names, *sink, self._domain, self._patient, supervised, self._machines, fault)
+        # In a domain that somebody has chosen there may be others, who were there first.
+        peers = len(self._groups) + _GUESTS if self._own_domain else MOST_PEERS
+        task = _Task(self._plan, names, *sink, self._domain, self._patient, supervised, self._machines, peers, fault)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -421,6 +429,7 @@ class _Task:
     patient: bool
     supervised: Supervised
     machines: Machines | None
+    peers: int
     fault: Fault | None = None
     """That which makes room for this process; None of one that is there from the start."""
 
@@ -454,7 +463,7 @@ def _ending(exitcode: int | None) -> str:
 
 def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
-    enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
+    enter_launched_run(os.environ, task.domain, not task.patient, task.machines, task.peers)
     label = f"node {', '.join(task.names)}"
     plan = task.plan if task.fault is None else replace(task.plan, birth=_sleep_until_born(task.supervised, pipe))
 

@@ -90,10 +90,11 @@ class Plan:
     faults
         In real time: what the launcher does to processes. In simulated time the graph has them.
     rehearse
-        In real time with a priority: what each process with a module does before it joins. It was forked from one that
-        has done it already, and owns nothing yet of what that takes: the first act would be three times as long.
+        In simulated time: what each process with a module does before it joins. It was forked from one that has done it
+        already, and owns nothing yet of what that takes: the first act would be several times as long.
     anew
-        Likewise: builds the graph once more, for rehearsals of tick 0, which are to leave the run's modules alone.
+        In real time with a priority: builds the graph once more, for rehearsals of tick 0, which are to leave the
+        modules of the run alone.
     birth
         Of a process that takes the place of a dead one; None of one that is there from the start.
     parameters
