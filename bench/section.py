@@ -1,4 +1,4 @@
-"""What a bench prints, and what it writes into its own section of docs/performance.md: the same tables and sentences.
+"""What a bench prints, and what it writes into its own section of a page of docs/: the same tables and sentences.
 
 A bench that has a section says each of its results once::
 
@@ -8,8 +8,8 @@ A bench that has a section says each of its results once::
     if write:
         section.write()              # replaces this section of the page, and no other
 
-On the page a section stands between ``<!-- bench sweep -->`` and ``<!-- end sweep -->``. One that is not there yet is
-put where ``ORDER`` has it.
+On the page a section stands between ``<!-- bench sweep -->`` and ``<!-- end sweep -->``. The page is
+docs/performance.md, where one that is not there yet is put where ``ORDER`` has it, or that of ``ELSEWHERE``.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from etac_ros.tables.terminal import make_console, show
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "performance.md"
 ORDER = ("speed", "hop", "inprocess", "sweep", "command", "memory", "long", "disk", "formation", "anchors")
 """Sections of the page from above to below; each is a bench, or part of one that writes several."""
+ELSEWHERE = {"wall": PAGE.with_name("wallclock.md")}
+"""Sections that stand on the page of what they are about."""
 _PACKAGES = ("numba", "numpy", "scipy", "pydantic", "ros-jazzy-rclpy")
 
 
@@ -39,7 +41,7 @@ class Section:
     Parameters
     ----------
     name
-        Of the section; one of ``ORDER``.
+        Of the section; one of ``ORDER`` or ``ELSEWHERE``.
     title
         Its heading.
     command
@@ -53,7 +55,7 @@ class Section:
     def __init__(
         self, name: str, title: str, command: str, console: Console | None = None, packages: tuple[str, ...] = ()
     ) -> None:
-        if name not in ORDER:
+        if name not in ORDER and name not in ELSEWHERE:
             raise ValueError(f"docs/performance.md has no place for a section '{name}': name it in ORDER")
         self._name, self._title, self._console = name, title, console or make_console()
         self._lines: list[str] = []
@@ -78,8 +80,9 @@ class Section:
         """What stands on the page between the marks."""
         return "\n".join([f"## {self._title}", "", *filled(self._head), *self._lines])
 
-    def write(self, page: Path = PAGE) -> None:
-        """Put it into the page, in the place of what stood there."""
+    def write(self, page: Path | None = None) -> None:
+        """Put it into its page, or another, in the place of what stood there."""
+        page = page or ELSEWHERE.get(self._name, PAGE)
         page.write_text(put(page.read_text(encoding="utf-8"), self._name, self.markdown()), encoding="utf-8")
         self._console.print(f"written: {page}")
 
@@ -90,7 +93,7 @@ def put(page: str, name: str, content: str) -> str:
     if name in sections(page):
         begin, end = page.index(_begin(name)), page.index(_end(name)) + len(_end(name))
         return page[:begin] + new + page[end:]
-    for follower in ORDER[ORDER.index(name) + 1 :]:
+    for follower in ORDER[ORDER.index(name) + 1 :] if name in ORDER else ():
         if follower in sections(page):
             place = page.index(_begin(follower))
             return f"{page[:place]}{new}\n\n{page[place:]}"

@@ -33,8 +33,6 @@ from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
-from etac_ros.capture.account import WireAccount
-from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.engines.ros.several_machines import Machines
@@ -48,9 +46,7 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
-from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
-from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
@@ -59,7 +55,9 @@ from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, check_pace, short_windows
 
 if TYPE_CHECKING:
+    from etac_ros.capture.account import WireAccount
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
 _REHEARSAL_S = 0.01
@@ -123,26 +121,15 @@ def warm_up(scenario: Scenario) -> None:
         return
     _warm.add(scenario.digest)
     import_numba()
-    first_ticks(scenario)()
-
-
-def first_ticks(scenario: Scenario) -> Callable[[], None]:
-    """What runs the first ticks of a scenario by calls, on modules of its own, for no other purpose than to be done."""
     graph = scenario.build()
-
-    def run() -> None:
-        InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
-
-    return run
+    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
 
-def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] | None:
-    """What each process of a run goes through before it joins; nothing where that costs more than it gains.
+def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
+    """What each process of a run in simulated time goes through before it joins.
 
     Classes of a user are built and called for their run alone: they may print, or move hardware.
     """
-    if wall is not None:
-        return first_ticks(scenario) if wall.priority else None
     if foreign_classes(scenario.classes):
         return None
     from etac_ros.engines.ros.rehearsal import Rehearsal
@@ -154,17 +141,16 @@ def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] 
     return rehearse
 
 
-def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
-    """Go through what opening a bag takes the first time, which is when a run begins."""
-    scenario.text.encode()
-    to_json(describe_run(graph, {}))
-    for topic in recorded_topics(graph):
-        offered_qos_yaml(topic.reliability.value, topic.latched)
-
-
 def _played_in_real_time(graph: Graph) -> Graph:
     """What the processes of a real-time run play: faults are the launcher's to do."""
     return replace(graph.in_real_time(), faults=(), spares={})
+
+
+def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
+    if wall is None or not wall.priority:
+        return None
+    return lambda: _played_in_real_time(scenario.build())
 
 
 def free_bag_directory(scenario: Scenario, folder: Path = Path("bags")) -> Path:
@@ -435,7 +421,7 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
-def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None, in_one: bool = True) -> InProcess:
     """What runs a graph of a scenario by calls, with the windows that suit calls.
 
     Parameters
@@ -446,13 +432,16 @@ def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None)
         Built from it, and not used yet.
     pace
         Simulated seconds a second at most; None lets it run.
+    in_one
+        In one kernel, where the graph is one loop of compiled formulas.
     """
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
     wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+    trimmed = asked.longest if pace is None else windows.longest
+    return InProcess(graph, windows, before=wait, trimmed=trimmed, in_one=in_one and pace is None)
 
 
 def _simulated(
@@ -464,7 +453,11 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
-    engine = engine_by_calls(scenario, graph, pace)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
+    # A bag keeps committed samples as they come, so it shows how a run went on.
+    engine = engine_by_calls(scenario, graph, pace, in_one=bag is None)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -618,8 +611,31 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
-def play_part(scenario: Scenario, options: RosOptions) -> bool:
+def load_ros() -> None:
+    """Import what a run over DDS needs: it has to be done before the run, and can be while something else goes on."""
+    from etac_ros.engines.ros import own_process
+
+    if not own_process.is_needed():
+        from etac_ros.engines.ros.launcher import load
+
+        load()
+
+
+def load_summary() -> None:
+    """Import what sums a run up: only once it is over is it needed."""
+    import etac_ros.metrics.kept
+    import etac_ros.metrics.summary  # noqa: F401
+
+
+def play_part(scenario: Scenario, options: RosOptions, on_join: Callable[[], None] = lambda: None) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
+
+    Parameters
+    ----------
+    scenario, options
+        The run.
+    on_join
+        Called when nothing is wrong with them.
 
     Returns
     -------
@@ -651,8 +667,11 @@ def play_part(scenario: Scenario, options: RosOptions) -> bool:
         quiet_s=options.quiet_s,
         wall=wall,
         parameters=shown,
+        anew=anew_in_real_time(scenario, wall),
     )
-    if COORDINATOR in plan.part(options.only):
+    part = plan.part(options.only)
+    on_join()
+    if COORDINATOR in part:
         return False
     warm_up(scenario)
     processes = Processes(options.processes)
@@ -738,23 +757,23 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=_rehearsal(scenario, wall),
-        prepare=partial(_describe_in_vain, scenario, graph),
-        anew=(lambda: _played_in_real_time(scenario.build())) if wall is not None and wall.priority else None,
+        rehearse=None if wall is not None else _rehearsal(scenario),
+        anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
     if options.record_windows:
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     if options.live is not None:
         check_live(options.live)
-    state = state_streams(scenario, live=options.live is not None)
-    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
-        # Loads the definitions before the fork, where they cost nobody's start-up.
-        schema_text(topic.type_name)
-        type_hash(topic.type_name)
     whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
+
+    def began_all(pids: dict[str, int]) -> None:
+        on_start(pids)
+        load_summary()  # while they find each other
+
+    opener = _Opener(scenario, graph, bag, extra, options.live, whole, outlet.take)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
@@ -762,11 +781,12 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
+                opener.open,
                 outlet.after(on_progress),
-                on_start,
+                began_all,
                 guard,
                 options.machines,
+                opener.ready,
                 options.domain is None,
             )
             try:
@@ -782,6 +802,8 @@ def run_over_ros(
         outlet.close()
         lease.release()
     if wire:
+        from etac_ros.capture.kept import write_to_bag
+
         write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
@@ -793,6 +815,9 @@ def run_over_ros(
         # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
         in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
     check(plan, outcome, in_bag)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -816,6 +841,35 @@ def run_over_ros(
     return Run(scenario, summary, recording, bag)
 
 
+@dataclass
+class _Opener:
+    """Opens the bag of a run over DDS, in the recorder's process, which alone needs message definitions for it."""
+
+    scenario: Scenario
+    graph: Graph
+    bag: Path
+    extra: tuple[TopicDescription, ...]
+    live: int | None
+    whole: TruthFile | None
+    on_picture: OnPicture | None
+    _state: StateStreams | None = None
+
+    def ready(self) -> None:
+        """Load and make what a bag needs, while the nodes find each other: when it is opened they wait for it."""
+        self._state = state_streams(self.scenario, live=self.live is not None)
+        shown = () if self._state is None else self._state.topics
+        for topic in (*recorded_topics(self.graph), *self.extra, *shown):
+            schema_text(topic.type_name)
+            type_hash(topic.type_name)
+            offered_qos_yaml(topic.reliability.value, topic.latched)
+        to_json(describe_run(self.graph, {}))
+
+    def open(self, wall: WallClock | None = None) -> RunBag:
+        """Create it."""
+        extra, state, live = self.extra, self._state, self.live
+        return open_bag(self.scenario, self.bag, "ros", extra, state, wall, live, self.whole, self.on_picture)
+
+
 @contextlib.contextmanager
 def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
     """Captures meanwhile; what was captured is in the list afterwards, if something was."""
@@ -823,6 +877,7 @@ def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[W
     if not options.capture:
         yield accounts
         return
+    from etac_ros.capture.kept import account_of
     from etac_ros.capture.live import CannotCapture, Capture, ports_of
 
     with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,6 +55,18 @@ def test_a_parent_without_permission_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root, as in CI, may write anywhere
     with pytest.raises(BagError, match=f"{tmp_path} may not be written to"):
         check_writable(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("place", ["/proc/etac_ros", "/proc/etac_ros/bag"])
+def test_a_place_where_nothing_can_be_made_is_named_before_a_run(place):
+    with pytest.raises(BagError, match=f"{place}: (cannot be made: |/proc may not be written to)"):
+        check_writable(Path(place))
+
+
+def test_a_name_that_is_too_long_is_named_before_a_run(tmp_path):
+    with pytest.raises(BagError, match="cannot be made: File name too long"):
+        check_writable(tmp_path / ("x" * 300))
+    assert not list(tmp_path.iterdir())
 
 
 def test_checking_creates_nothing_and_writing_creates_all_parents(tmp_path):

@@ -1,4 +1,4 @@
-"""docs/performance.md is what benches print: each writes its own section and leaves the others alone."""
+"""What benches print stands in docs/: each writes its own section of a page and leaves the others alone."""
 
 from __future__ import annotations
 
@@ -32,15 +32,19 @@ PAGE = SECTION.PAGE.read_text(encoding="utf-8")
 SOURCES = {path.stem: path.read_text(encoding="utf-8") for path in BENCH.glob("*.py")}
 
 
+PAGES = {name: SECTION.ELSEWHERE[name].read_text(encoding="utf-8") for name in SECTION.ELSEWHERE}
+
+
 def in_page(name: str) -> str:
-    return str(PAGE[PAGE.index(f"<!-- bench {name} -->") : PAGE.index(f"<!-- end {name} -->")])
+    page = PAGES.get(name, PAGE)
+    return str(page[page.index(f"<!-- bench {name} -->") : page.index(f"<!-- end {name} -->")])
 
 
 def test_the_page_has_sections() -> None:
     assert SECTION.sections(PAGE)
 
 
-@pytest.mark.parametrize("name", SECTION.sections(PAGE))
+@pytest.mark.parametrize("name", [*SECTION.sections(PAGE), *PAGES])
 def test_a_section_is_written_by_the_bench_that_it_names(name: str) -> None:
     command = re.search(r"Written by `\./scripts/bench ?(\w*)", in_page(name))
     assert command is not None
@@ -78,6 +82,20 @@ def test_a_section_replaces_itself_and_no_other(tmp_path: Path) -> None:
 def test_the_last_section_goes_to_the_end() -> None:
     text = SECTION.put("# Head\n", SECTION.ORDER[-1], "words")
     assert text == f"# Head\n\n<!-- bench {SECTION.ORDER[-1]} -->\n\nwords\n\n<!-- end {SECTION.ORDER[-1]} -->\n"
+
+
+def test_a_section_of_another_page_is_put_there(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# Head\n\n<!-- bench wall -->\n\nold\n\n<!-- end wall -->\n\nTail.\n")
+    section = SECTION.Section("wall", "What was measured", "./scripts/bench wall")
+    section.say("New.")
+    section.write(page)
+    assert "old" not in page.read_text()
+    assert page.read_text().endswith("\nNew.\n\n<!-- end wall -->\n\nTail.\n")
+    with patch.dict(SECTION.ELSEWHERE, {"wall": page}):
+        section.say("Newer.")
+        section.write()
+    assert "Newer." in page.read_text()
 
 
 def test_a_section_without_a_place_is_refused() -> None:

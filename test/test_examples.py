@@ -6,13 +6,14 @@ import os
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from hands import Start, foreign
+from hands import LIMIT_S, Start, foreign
 from rclpy.serialization import serialize_message
 from rich.console import Console
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
@@ -40,24 +41,47 @@ def example_node(start: Start, name: str, *options: str) -> None:
     assert process.stdout.readline().strip() == "ready"
 
 
-def run(lease: DomainLease, bag: Path, scenario: str, node: str, duration_s: float, rate: float | None) -> Run:
+def run(
+    lease: DomainLease,
+    bag: Path,
+    scenario: str,
+    node: str,
+    duration_s: float,
+    rate: float | None,
+    on_start: Callable[[dict[str, int]], None] = lambda pids: None,
+) -> Run:
     lease.release()
     loaded = load(scenario, None, [f"{node}.external=true", f"duration_s={duration_s}"])
-    return run_over_ros(loaded, bag, RosOptions(domain=lease.domain, rate=rate))
+    return run_over_ros(loaded, bag, RosOptions(domain=lease.domain, rate=rate), on_start=on_start)
 
 
 def answered(found: Run, asked: str, answers: str) -> None:
     assert found.summary.topics[asked].messages == found.summary.topics[answers].messages > 5
 
 
-def test_a_controller_in_plain_rclpy(tmp_path: Path, start: Start, lease: DomainLease) -> None:
-    example_node(start, "foreign_controller.py", *REMAPPED)
-    found = run(lease, tmp_path / "bag", "wu2018", "controller", 20, 20.0)
+def test_a_controller_in_plain_rclpy_and_one_who_watches(tmp_path: Path, start: Start, lease: DomainLease) -> None:
+    """The run begins when the controller is there, and that comes when the watcher knows of the run: it sees all."""
+    watcher = start("-m", "etac_ros", "watch", "--domain", str(lease.domain))
+
+    def come_in(pids: dict[str, int]) -> None:
+        assert watcher.stdout is not None
+        assert watcher.stdout.readline() == "wu2018: listening\n"
+        example_node(start, "foreign_controller.py", *REMAPPED)
+
+    found = run(lease, tmp_path / "bag", "wu2018", "controller", 20, 20.0, come_in)
     answered(found, "/filtered_error", "/torque_command")
     account = found.summary.real_time
     assert account is not None
     assert account.loops["/emulation/torque"].ms.count == found.summary.topics["/torque_command"].messages
     assert account.foreign["/controller"].fits
+    shown, complaints = watcher.communicate(timeout=LIMIT_S)
+    assert watcher.returncode == 0, complaints
+    count, network = found.summary.triggers["/sensor"].count, found.summary.network
+    last = shown.splitlines()[-1]
+    assert last.startswith("wu2018: 20.0 of 20 s simulated")
+    assert last.endswith(
+        f"{count} triggers, {network.messages} messages and {network.payload_bytes} B on the network; the run is over"
+    )
 
 
 @pytest.mark.slow
@@ -142,7 +166,6 @@ def test_the_cpp_package_says_what_it_needs() -> None:
     assert all(f"find_package({name} REQUIRED)" in cmake for name in needs)
 
 
-@pytest.mark.slow
 def test_the_cpp_package_builds_on_a_full_ros(tmp_path: Path) -> None:
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     if not any(Path(prefix, "share", "ament_cmake").is_dir() for prefix in prefixes):

@@ -89,7 +89,7 @@ def test_our_own_options() -> None:
     [
         (["--bag"], "argument --bag: expected one argument"),
         (["--clock", "sundial"], "argument --clock: invalid choice: 'sundial'"),
-        (["--live-port", "3"], "--live-port: is for --live"),
+        (["--live-port", "3"], "--live-port 3: is for --live"),
         (["--liv"], "is not understood"),
         (["word"], "is not understood"),
     ],

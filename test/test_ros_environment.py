@@ -181,4 +181,8 @@ def test_the_two_profiles_differ_in_what_is_meant_to_differ() -> None:
     by_hand, launched = settings("fastdds_profile.xml"), settings("fastdds_profile_launched.xml")
     different = [(a, b) for a, b in zip(by_hand, launched, strict=True) if a != b]
     peers = "maxInitialPeersRange"
-    assert different == [((peers, "110"), (peers, "${ETAC_ROS_PEERS}")), (("sec", "4"), ("sec", "DURATION_INFINITY"))]
+    assert different == [
+        ((peers, "110"), (peers, "${ETAC_ROS_PEERS}")),
+        (("sec", "4"), ("sec", "DURATION_INFINITY")),
+        (("nanosec", "50000000"), ("nanosec", "20000000")),
+    ]

@@ -24,10 +24,13 @@ from etac_ros.cli.papers import papers
 from etac_ros.cli.progress import lines_now_and_then
 from etac_ros.cli.reproduce import reproduce
 from etac_ros.cli.run import RunRequest, run_and_show
+from etac_ros.cli.show import show_summary
 from etac_ros.errors import ScenarioError
+from etac_ros.graph.plant import PlantModule
 from etac_ros.reproduce.kept import Kept
 from etac_ros.reproduce.rows import rows_of
 from etac_ros.reproduce.variants import published_variants
+from etac_ros.runs import simulate
 from etac_ros.scenario.load import load
 from etac_ros.tables.table import Row, Table
 from etac_ros.tables.terminal import show
@@ -233,3 +236,18 @@ main()
     assert "etac: interrupted: what had happened until then is in bag" in done.stderr
     assert "Traceback" not in done.stderr
     assert (tmp_path / "bag" / "metadata.yaml").is_file()
+
+
+def test_a_run_that_a_watch_ended_says_of_when_its_figures_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """wu2018 takes its steady figures from 600 s on; this one is over before."""
+    monkeypatch.setattr(PlantModule, "_left_bounds", lambda _, start, rows: "enough" if start + len(rows) > 50 else "")
+    scenario = load("wu2018")
+    summary = simulate(scenario).summary
+    assert summary.halted
+    assert 1.0 < summary.ended_s < 600.0 < summary.duration_s
+    console = terminal(160)
+    show_summary(scenario, summary, console)
+    shown = "\n".join(lines_of(console))
+    assert "error and rate at the end, * at the end, which comes before 600 s" in shown
+    assert "from 600 s on" not in shown
+    assert f": {summary.ended_s:g} s simulated in " in shown

@@ -21,8 +21,8 @@ from etac_ros.errors import ScenarioError
 from etac_ros.maths.wall_clock import WallClock
 from etac_ros.metrics.clocks import Agreement, states_apart, with_delayed_torques
 from etac_ros.metrics.summary import Timing, summarise
-from etac_ros.runs import RosOptions, run_in_process, simulate_delayed
-from etac_ros.scenario.load import load
+from etac_ros.runs import RosOptions, Run, run_in_process, simulate_delayed
+from etac_ros.scenario.load import Scenario, load
 
 TICK_NS = 10**9 // 32
 
@@ -64,13 +64,28 @@ def test_only_torques_are_delayed() -> None:
     assert with_delayed_torques(graph, 0).links == dict(graph.links)
 
 
-def test_it_is_shown_beside_what_was_measured(tmp_path: Path) -> None:
+@pytest.mark.parametrize("hop_ticks", [0.3, 60.0, 3000.0])
+def test_it_is_shown_beside_what_was_measured(
+    hop_ticks: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However late things came: also where no torque came before the end, as on a machine that stands still."""
+    hop = round(hop_ticks * TICK_NS / 20)
+
+    def run_on_a_made_up_clock(scenario: Scenario, bag: Path, options: RosOptions) -> Run:
+        clock = WallClock(0, scenario.run.ticks_per_second, Fraction(options.rate or 1))
+        run = WallNetwork(scenario.build(), clock, lambda topic, to, now: hop)
+        recording = run.run()
+        timing = Timing(startup_s=0.0, loop_s=1.0, total_s=1.0)
+        return Run(scenario, summarise(scenario, run.graph, recording, "ros", timing), recording, bag)
+
+    monkeypatch.setattr("etac_ros.cli.compare_clocks.run_over_ros", run_on_a_made_up_clock)
     text = StringIO()
     console = Console(file=text, width=200, markup=False)
     compare_clocks("wu2018", None, ["duration_s=20"], RosOptions(rate=20.0), tmp_path / "bag", console)
     shown = text.getvalue()
-    for words in ("real time", "simulated, 1", "agrees best with a delay of", "sample to torque", "states apart"):
+    for words in ("real time", "simulated, 1", "agrees best with a delay of", "states apart", "Punctuality of nodes"):
         assert words in shown
+    assert ("From sample to torque" in shown) == (hop_ticks < 3000.0)
 
 
 def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
@@ -94,6 +109,7 @@ def test_foreign_nodes_cannot_be_simulated(tmp_path: Path) -> None:
         (["node", "/sensor", "wu2018", "--clock", "wall", "--priority", "100"], "is no real-time priority"),
         (["compare", "wu2018", "--clock", "wall", "--variant", "noise", "--variant", "radio"], "more than once"),
         (["compare", "wu2018", "--rate", "3"], "--rate 3: is for --clock wall"),
+        (["run", "qi2022", "--only", "/nosuch", "--join", "7"], "--only /nosuch: is no namespace of this scenario"),
         (["node", "/sensor", "wu2018", "--rate", "3"], "--rate 3: in simulated time is for the node that keeps it"),
     ],
 )
@@ -101,6 +117,7 @@ def test_what_contradicts_itself_is_refused(arguments: list[str], said: str) -> 
     done = CliRunner().invoke(app, arguments)
     assert isinstance(done.exception, ScenarioError)
     assert said in str(done.exception)
+    assert "joins" not in done.output
 
 
 def test_a_priority_that_is_not_allowed_is_said_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,13 +138,15 @@ def test_executables_take_the_options_of_etac_node() -> None:
     assert own_options("sensor", ["--peers", "10.0.0.2", "--interface", "eth0"]) == OwnOptions(
         peers="10.0.0.2", interface="eth0"
     )
+    assert own_options("sensor", ["--quiet-s", "60"]).quiet_s == 60.0
     urgent = ["--strict", "--clock", "wall", "--priority", "10"]
     assert own_options("sensor", urgent) == OwnOptions(clock="wall", strict=True, priority=10)
     for wrong, said in (
         (["--clock"], "expected one argument"),
         (["--clock", "sundial"], "invalid choice: 'sundial'"),
         (["--strict"], "--strict: is for --clock wall"),
-        (["--priority", "3"], "--priority: is for --clock wall"),
+        (["--priority", "3"], "--priority 3: is for --clock wall"),
+        (["--quiet-s", "4"], "--quiet-s 4: is not allowed"),
         (["--clock", "wall", "--rate", "fast"], "invalid float value: 'fast'"),
         (["--clock", "wall", "--priority", "1.5"], "invalid int value: '1.5'"),
         (["--peers"], "expected one argument"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Collection
 from dataclasses import replace
@@ -101,11 +102,14 @@ def test_it_is_rehearsed_some_times_with_new_modules_each_time() -> None:
     assert rounds == 12
     assert len({id(graph) for graph in built}) == len(built) == 1 + 12 + 2
     assert some.ready_ns > 0
-    due = near(100.0).start_ns
-    some.rehearse_late(due)
-    some.rehearse_late(due)
+    everywhere = os.sched_getaffinity(0)
+    some.stand_ready(near(100.0).start_ns)
     assert some.ready_ns == 0
+    assert os.sched_getaffinity(0) == {min(everywhere)}
     some.over()
+    assert os.sched_getaffinity(0) == everywhere
+    some.stand_ready(near(100.0).start_ns)  # of a later act
+    assert os.sched_getaffinity(0) == everywhere
 
 
 def test_nothing_is_rehearsed_where_there_is_no_time_left() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,7 +31,7 @@ _WANTED = "a bag directory that is not there yet, in a place that may be written
 
 
 def check_writable(directory: Path) -> None:
-    """Make sure that a bag can be created here, and create nothing.
+    """Make sure that a bag can be created here, and leave nothing there.
 
     Raises
     ------
@@ -43,6 +45,12 @@ def check_writable(directory: Path) -> None:
         raise BagError(str(directory), f"{parent} is no directory", _WANTED, "choose another")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise BagError(str(directory), f"{parent} may not be written to", _WANTED, "choose another")
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            os.lstat(directory)  # else: a name that is too long
+        os.rmdir(tempfile.mkdtemp(prefix=".etac_", dir=parent))  # permissions alone do not say: not of /proc, say
+    except OSError as error:
+        raise BagError(str(directory), f"cannot be made: {error.strerror}", _WANTED, "choose another") from None
 
 
 def _occupied(directory: Path) -> BagError:

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from etac_ros.bag.reserve import release
 from etac_ros.errors import ScenarioError
-from etac_ros.metrics.cells import energy_heading, performance_cells
+from etac_ros.metrics.cells import energy_heading, performance_cells, steady_note
 from etac_ros.metrics.clocks import Agreement, states_apart
 from etac_ros.metrics.latency_tables import real_time_tables
 from etac_ros.metrics.summary import Summary
@@ -91,7 +91,7 @@ def clocks_table(real: Summary, simulated: Sequence[Summary], agreement: Agreeme
     best = f"{agreement.best} tick{'s' if agreement.best != 1 else ''}"
     notes = (
         f"agrees best with a delay of {best} from sample to torque",
-        f"delays in ticks{tick} of simulated time; * from {real.steady_from_s:g} s on",
+        f"delays in ticks{tick} of simulated time; {steady_note(real.steady_from_s, real.ended_s)}",
         "states apart: root mean square of the difference, each state in units of its standard deviation",
     )
     columns = ("", "real time", *(f"simulated, {delay}" for delay in range(len(simulated))))

@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from etac_ros import __version__
 from etac_ros.cli import complete
 from etac_ros.cli.interrupts import NOTHING_KEPT, Interrupted
+from etac_ros.cli.shared_options import QUIET_LEAST_S, port_of_live, rate_in_real_time
 from etac_ros.cli.streams import hold_standard_streams, outlive_readers
 from etac_ros.engines.ros.limits import refused_by_system
 from etac_ros.engines.ros.liveness import QUIET_S
@@ -62,27 +63,6 @@ class ClockKind(StrEnum):
     wall = "wall"
 
 
-def rate_of_clock(clock: ClockKind, rate: float | None, strict: bool = False, priority: int = 0) -> float | None:
-    """Simulated seconds a second of a run in real time; None in simulated time."""
-    if clock is ClockKind.wall:
-        return 1.0 if rate is None else rate
-    for option, is_given in {"--strict": strict, f"--priority {priority}": priority != 0}.items():
-        if is_given:
-            raise ScenarioError(option, "is for --clock wall", "", "add --clock wall")
-    return None
-
-
-def port_of_live(live: bool, port: int | None) -> int | None:
-    """Where a run is shown to Foxglove; None where it is not."""
-    if port is not None and not live:
-        raise ScenarioError(f"--live-port {port}", "is for --live", "", "add --live")
-    if not live:
-        return None
-    from etac_ros.bag.live import PORT
-
-    return PORT if port is None else port
-
-
 class Spread(StrEnum):
     """How nodes are spread over processes."""
 
@@ -125,7 +105,8 @@ Variant = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no tables and no progress; errors are still said.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a value; repeatable.")]
 QuietS = Annotated[
-    float, typer.Option(min=5.0, help="A node that stands still or owes an answer for this long ends the run [s].")
+    float,
+    typer.Option(min=QUIET_LEAST_S, help="A node that stands still or owes an answer for this long ends the run [s]."),
 ]
 Live = Annotated[bool, typer.Option("--live", help="Show the run to Foxglove as it happens; see --rate.")]
 LivePort = Annotated[int | None, typer.Option(min=1, max=65535, help="For --live; default: 8765.", show_default=False)]
@@ -230,7 +211,7 @@ def run(
         record_windows,
         only,
         quiet_s,
-        rate_of_clock(clock, rate, strict, priority),
+        rate_in_real_time(clock is ClockKind.wall, rate, strict, priority),
         strict,
         capture is not None,
         Path(capture) if capture else None,
@@ -276,7 +257,7 @@ def compare(
     from etac_ros.cli.compare import compare as compare_variants
     from etac_ros.cli.show import make_console
 
-    speed = rate_of_clock(clock, rate, priority=priority)
+    speed = rate_in_real_time(clock is ClockKind.wall, rate, priority=priority)
     if speed is not None:
         from etac_ros.cli.compare_clocks import compare_clocks
         from etac_ros.runs import RosOptions
@@ -528,7 +509,7 @@ def node(
         domain,
         bag,
         quiet_s,
-        rate_of_clock(clock, rate, strict, priority),
+        rate_in_real_time(clock is ClockKind.wall, rate, strict, priority),
         strict,
         priority,
         rate if clock is ClockKind.sim else None,

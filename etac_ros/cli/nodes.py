@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 from etac_ros.bag.live import check_live
 from etac_ros.bag.write import check_writable
 from etac_ros.cli.joining import join
+from etac_ros.cli.shared_options import check_quiet, port_of_live, rate_in_real_time
 from etac_ros.cli.streams import hold_standard_streams
 from etac_ros.engines.ros.domain import domain_of_environment
 from etac_ros.engines.ros.liveness import QUIET_S
@@ -25,6 +26,7 @@ from etac_ros.errors import EtacError, RunError, ScenarioError
 from etac_ros.graph.topics import emulation_topics
 from etac_ros.runs import (
     RosOptions,
+    anew_in_real_time,
     free_bag_directory,
     open_bag,
     parameters_of,
@@ -125,6 +127,7 @@ def play(
         parameters=shown,
         told=scenario.told,
         ros_args=tuple(ros_args),
+        anew=anew_in_real_time(scenario, wall),
     )
     name = "/" + name.strip("/")
     if name not in plan.nodes:
@@ -246,7 +249,7 @@ def _main(executable: str) -> None:
 _USAGE = """\
 {executable}: plays a node of a scenario, until the run is over
 
-  {executable} [--bag DIR] [--clock wall] [--rate R] [--live] --ros-args --params-file FILE [...] [ROS options]
+  {executable} [--bag DIR] [--clock wall] [--rate R] [--live] [...] --ros-args --params-file FILE [...] [ROS options]
 
   --params-file FILE   what `etac resolve NAME` printed, the same for all nodes of a run; of several, each is laid over
                        those before
@@ -261,6 +264,7 @@ _USAGE = """\
   --rate R             in simulated time, for the node that keeps it: so fast at most
   --strict             with --clock wall: end at the first missed tick of this node
   --priority N         with --clock wall: real-time priority of this process (SCHED_FIFO), 1 to 99
+  --quiet-s S          a node that stands still or owes an answer for so long ends the run [s]; 20 unless given
   --peers A,B, --interface I
                        other machines of the run, and by which address this one takes part
 
@@ -280,6 +284,7 @@ class OwnOptions:
     interface: str | None = None
     live: bool = False
     live_port: int | None = None
+    quiet_s: float = QUIET_S
 
 
 def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
@@ -301,13 +306,11 @@ def own_options(executable: str, arguments: Sequence[str]) -> OwnOptions:
     if unknown:
         where = f"{executable} {' '.join(unknown)}"
         raise ScenarioError(where, "is not understood", "what --help says", "options of ROS stand behind --ros-args")
-    if found.live_port is not None and not found.live:
-        raise ScenarioError(f"{executable} --live-port", "is for --live", "", "add --live")
-    if found.clock == "sim":
-        for option, given in (("--strict", found.strict), ("--priority", found.priority)):
-            if given:
-                raise ScenarioError(f"{executable} {option}", "is for --clock wall", "", "add --clock wall")
-    return OwnOptions(**vars(found))
+    own = OwnOptions(**vars(found))
+    check_quiet(own.quiet_s)
+    port_of_live(own.live, own.live_port)
+    rate_in_real_time(own.clock == "wall", own.rate, own.strict, own.priority)
+    return own
 
 
 def _parser(executable: str) -> _Parser:
@@ -321,6 +324,7 @@ def _parser(executable: str) -> _Parser:
     parser.add_argument("--interface")
     parser.add_argument("--live", action="store_true")
     parser.add_argument("--live-port", type=int)
+    parser.add_argument("--quiet-s", type=float, default=QUIET_S)
     return parser
 
 
@@ -351,7 +355,6 @@ def play_by_arguments(executable: str, arguments: Sequence[str]) -> NoReturn:
     # Which machines take part decides how DDS behaves, so it has to be known before rclpy reads the rest.
     first, _ = _parser(executable).parse_known_args(arguments)
     domain = join_domain(first.peers, first.interface)
-    from etac_ros.bag.live import PORT
     from etac_ros.engines.ros.arguments import RosArguments
 
     with RosArguments(executable, arguments, domain) as given:
@@ -366,11 +369,12 @@ def play_by_arguments(executable: str, arguments: Sequence[str]) -> NoReturn:
         scenario,
         domain,
         own.bag,
-        rate=(1.0 if own.rate is None else own.rate) if wall else None,
+        own.quiet_s,
+        rate_in_real_time(wall, own.rate, own.strict, own.priority),
         strict=own.strict,
         priority=own.priority,
         pace=None if wall else own.rate,
-        live=(PORT if own.live_port is None else own.live_port) if own.live else None,
+        live=port_of_live(own.live, own.live_port),
         ros_args=given.passed_on,
     )
 

@@ -71,9 +71,9 @@ def show_summary(scenario: Scenario, summary: Summary, console: Console) -> None
         words = f"{summary.real_time.overruns:,} overruns: real time was not kept; at a lower --rate it may be"
         console.print(words, soft_wrap=True)
     timing = summary.timing
-    speed = summary.duration_s / timing.loop_s if timing.loop_s else 0.0
+    speed = summary.ended_s / timing.loop_s if timing.loop_s else 0.0
     console.print(
-        f"engine {summary.engine}: {summary.duration_s:g} s simulated in {timing.loop_s:.3f} s "
+        f"engine {summary.engine}: {summary.ended_s:g} s simulated in {timing.loop_s:.3f} s "
         f"({speed:,.0f} x real time), start-up {timing.startup_s:.2f} s, in all {timing.total_s:.2f} s",
     )
     if summary.bag is not None:
@@ -216,7 +216,7 @@ def _performance(summary: Summary) -> Table:
     if summary.baseline is not None:
         runs |= {f"{name}, {summary.baseline.variant}": one for name, one in summary.baseline.performance.items()}
     rows = tuple(Row((name, *performance_cells(figures))) for name, figures in runs.items())
-    note = f"error and rate at the end, {steady_note(summary.steady_from_s, summary.duration_s)}"
+    note = f"error and rate at the end, {steady_note(summary.steady_from_s, summary.ended_s)}"
     columns = "plant", *PERFORMANCE_SHORT, energy_heading(runs.values())
     table = Table("", columns, rows, (note,)).without_empty_columns()
     return table if len(table.columns) > 2 else replace(table, notes=())
@@ -229,7 +229,7 @@ def _watched(summary: Summary) -> Table:
         for place, watch in enumerate(watched)
     )
     columns = ("watched", "quantity", *WATCHED)
-    notes = (steady_note(summary.steady_from_s, summary.duration_s),)
+    notes = (steady_note(summary.steady_from_s, summary.ended_s),)
     return Table("", columns, rows, notes, frozenset({"quantity", "axis"}))
 
 

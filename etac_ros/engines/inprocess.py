@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from etac_ros.engines.closed_loop import ClosedLoop, Ran, closed_loop_of
 from etac_ros.graph.driver import Driver, Sent
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrival, Module
@@ -32,6 +33,9 @@ class InProcess:
     before
         Called with the tick before its orders are executed: whoever wants to slow the run down waits in it. An
         attribute, too.
+    in_one
+        Run a graph that is one loop of compiled formulas in one kernel (:mod:`etac_ros.engines.closed_loop`), unless
+        somebody looks on. No bit depends on it, but committed samples come in fewer chunks.
     trimmed
         Let windows end where their only reader acts, if plant and reader can tell beforehand: how long they are else.
         No bit depends on it. None leaves all windows to ``windows``.
@@ -44,6 +48,7 @@ class InProcess:
         trace: Callable[[Order, Report], None] | None = None,
         before: Callable[[int], None] | None = None,
         trimmed: int | None = None,
+        in_one: bool = False,
     ) -> None:
         self._drivers = {name: Driver(graph, name) for name in graph.modules}
         self._plants = {name: _plant(graph, name) for name in graph.plants}
@@ -65,6 +70,15 @@ class InProcess:
         self._values: dict[str, list[FloatArray]] = {name: [] for name in graph.links}
         self._routes: dict[Relay, list[_Stop]] = {}
         self._ports = {name: {link.name: link.receivers[name] for link in graph.hears[name]} for name in graph.modules}
+        # What is asked for with every order, by plant and by module.
+        self._loop = closed_loop_of(graph) if in_one else None
+        self._opening = {
+            name: (plant, self._acting.get(name), [self._drivers[reader] for reader in graph.readers[name]])
+            for name, plant in self._plants.items()
+        }
+        self._looking = {
+            name: (driver, self._plants.get(graph.reads.get(name, ""))) for name, driver in self._drivers.items()
+        }
         self._does: dict[type[Order], Callable[[Any], Report]] = {
             Look: self._look,
             Deliver: self._deliver,
@@ -89,6 +103,10 @@ class InProcess:
         """
         if self.trace is not None:
             self.master.forwarding = False
+        if self._loop is not None and self.trace is None and self.before is None:
+            ran = self._loop.run()
+            if ran is not None:
+                return self._taken_from(self._loop, ran)
         batches = self.master.run()
         orders = next(batches)
         does = self._does
@@ -104,6 +122,14 @@ class InProcess:
             except StopIteration:
                 break
         self.log()
+        return self.recording
+
+    def _taken_from(self, loop: ClosedLoop, ran: Ran) -> Recording:
+        """The recording of a run that was one kernel."""
+        self.recording.messages.update(ran.messages)
+        for chunk in ran.truth:
+            self._truth[loop.plant].append(chunk)
+        self.master.skip_to_end({loop.sensor: ran.events}, dict.fromkeys(loop.links, ran.events))
         return self.recording
 
     def log(self) -> None:
@@ -178,31 +204,31 @@ class InProcess:
         return Report(sent, concluded=concluded, halt=driver.module.halt)
 
     def _look(self, order: Look) -> Report:
-        plant = self._graph.reads.get(order.module)
-        if plant is not None and self._plants[plant].halt:
-            return Report()  # there is no window any more to look at
-        driver = self._drivers[order.module]
-        proposal = driver.look(order.after)
-        if proposal is None or proposal > order.grant:
-            return Report(proposal=proposal)
+        name, after, grant = order
+        driver, plant = self._looking[name]
+        if plant is not None and plant.halt:
+            return _DONE  # there is no window any more to look at
+        proposal = driver.look(after)
+        if proposal is None or proposal > grant:
+            return Report((), proposal)
         sent, concluded = self._act(driver, proposal, alone=True)
-        return Report(sent, proposal, fired=True, concluded=concluded, halt=driver.module.halt)
+        return Report(sent, proposal, True, concluded, driver.module.halt)
 
     def _open(self, order: Open) -> Report:
         name, tick, length, _ = order
+        plant, acting, readers = self._opening[name]
         self._commit(name, tick)
-        plant = self._plants[name]
         if plant.halt:
             return Report(halt=plant.halt)
-        acting = self._acting.get(name)
         if acting is None:
             window = plant.open(length)
         else:
             stop = acting.module.stop()  # where it cannot tell just now, asking again soon costs little
             window = plant.open(min(length, self._untold)) if stop is None else plant.open(length, stop)
-        for reader in self._graph.readers[name]:
-            self._drivers[reader].see(window)
-        return _DONE if len(window.samples) == length else Report(last=window.last)
+        for reader in readers:
+            reader.see(window)
+        opened = len(window.samples)
+        return _DONE if opened == length else Report((), None, False, None, "", window.start + opened - 1)
 
     def _close(self, order: Close) -> Report:
         self._commit(order.module, order.tick)

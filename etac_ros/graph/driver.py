@@ -7,7 +7,7 @@ and where its values are rounded to the wire.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -92,7 +92,7 @@ class Driver:
         found = component.call("scan", window, after)
         if found is None:
             return None
-        last = None if window is None else window.last
+        last = None if window is None else window.start + len(window.samples) - 1
         if type(found) is int and found > after and (last is None or found <= last):
             return found
         whole = isinstance(found, int | np.integer) and not isinstance(found, bool)
@@ -110,7 +110,7 @@ class Driver:
         sample = self._sample(tick)
         self._advance(tick)
         outputs = self._component.call("fire", tick, sample)
-        return self._sent("fire", outputs, ((), sample), self._fires)
+        return self._sent("fire", outputs, (), sample, self._fires)
 
     def conclude(self, tick: int) -> Sent:
         """Let a module conclude that fired where nothing arrives."""
@@ -141,7 +141,7 @@ class Driver:
             sample = self._sample(tick)
             self._advance(tick)
         outputs = self._component.call("receive", tick, own, sample)
-        return self._sent("receive", outputs, (arrivals, sample), expected)
+        return self._sent("receive", outputs, arrivals, sample, expected)
 
     def _replace(self, tick: int) -> None:
         """Put the module that was started anew in the place of the one that died, from its first tick on."""
@@ -161,7 +161,10 @@ class Driver:
             self._fires = self._connected.intersection(role.fires_on)
             self._concludes = self._connected.intersection((role.triggers,))
         self._answers = self._connected if self.module.answers else None
-        self._only = self._links[0] if len(self._links) == 1 else None
+        self._only: tuple[Link, str, tuple[int], Callable[[FloatArray], FloatArray]] | None = None
+        if len(self._links) == 1:
+            (link,) = self._links
+            self._only = link, link.port, self._sizes[link.port], self._wires[link.port].rounded
 
     def _advance(self, tick: int) -> None:
         if self._spares:
@@ -192,7 +195,12 @@ class Driver:
         )
 
     def _sent(
-        self, method: str, outputs: Any, given: tuple[Sequence[Arrival], FloatArray | None], expected: set[str] | None
+        self,
+        method: str,
+        outputs: Any,
+        arrivals: Sequence[Arrival],
+        sample: FloatArray | None,
+        expected: set[str] | None,
     ) -> Sent:
         """What goes out on each link: checked, and rounded to the wire.
 
@@ -202,20 +210,22 @@ class Driver:
             That has returned it.
         outputs
             What it has returned.
-        given
-            What arrived, and its sample: out of what is no number may come what is no number.
+        arrivals, sample
+            What it was given: out of what is no number may come what is no number.
         expected
             The connected ports on which the role has promised a message, and no others; None for no such promise.
         """
         only = self._only
         if only is not None and type(outputs) is dict and len(outputs) == 1 and self.module.halt == "":
             # As mostly: all that is checked below, of one value on the one link that there is.
-            port = only.port
+            link, port, only_size, rounded_to_wire = only
             value = outputs.get(port)
-            if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == self._sizes[port]:
-                on_wire = self._wires[port].rounded(value)
+            if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == only_size:
+                on_wire = rounded_to_wire(value)
                 if all_finite(on_wire) and (expected is None or expected == self._connected):
-                    return [(only, on_wire)]
+                    return [(link, on_wire)]
+        elif type(outputs) is dict and not outputs and not expected and self.module.halt == "":
+            return []
         if type(outputs) is not dict and not isinstance(outputs, Mapping):
             raise self._component.broken(
                 method, f"returned {shown(outputs)}", "a dict of arrays by output port; an empty one sends nothing"
@@ -233,7 +243,7 @@ class Driver:
             if type(value) is not np.ndarray or value.dtype is not _FLOAT64 or value.shape != size:
                 value = self._component.array(size, f"{method}, port '{port}',", value)
             rounded[port] = on_wire = self._wires[port].rounded(value)
-            if not all_finite(on_wire) and are_finite([*(arrival.value for arrival in given[0]), given[1]]):
+            if not all_finite(on_wire) and are_finite([*(arrival.value for arrival in arrivals), sample]):
                 raise self._component.broken(
                     f"{method}, port '{port}',", f"sends {value.tolist()}", "finite numbers on the wire"
                 )

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 import os
 import shutil
 import sys
@@ -27,8 +26,10 @@ _KEPT_CACHES = 4
 
 
 def _package_digest() -> str:
+    import numba
+
     package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(importlib.metadata.version("numba").encode())
+    digest = hashlib.sha256(numba.__version__.encode())
     for room in _ROOMS:
         for path in sorted((package / room).glob("*.py")):
             digest.update(path.name.encode())
@@ -79,8 +80,20 @@ def once_numba_is_there(tell: Callable[[], None]) -> None:
 
 
 def import_numba() -> None:
-    """Import numba here, so that no module that first calls a kernel is blamed where that fails."""
-    import numba  # noqa: F401
+    """Import numba here, so that no module that first calls a kernel is blamed where that fails.
+
+    Where coverage is installed numba loads it, a sixth of its import, to tell it of lines that it compiles. Of a
+    process in which nobody measures coverage there is nothing to tell.
+    """
+    absent: Any = None
+    hidden = "numba" not in sys.modules and "coverage" not in sys.modules
+    if hidden:
+        sys.modules["coverage"] = absent
+    try:
+        import numba  # noqa: F401
+    finally:
+        if hidden:
+            del sys.modules["coverage"]
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -110,6 +123,7 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    import_numba()
     import numba
 
     _use_cache_folder()

@@ -116,9 +116,9 @@ def fault_notes(accounts: Mapping[str, FaultAccount], in_real_time: bool) -> tup
     return tuple(notes)
 
 
-def steady_note(from_s: float, duration_s: float) -> str:
-    """When the figures marked * are taken; a run that is over before has those of its last sample."""
-    return f"* from {from_s:g} s on" if from_s < duration_s else f"* at the end, which comes before {from_s:g} s"
+def steady_note(from_s: float, end_s: float) -> str:
+    """When the figures marked * are taken; a run that is over before, by itself or by a watch, has those of its end."""
+    return f"* from {from_s:g} s on" if from_s < end_s else f"* at the end, which comes before {from_s:g} s"
 
 
 def fault_account_cells(account: FaultAccount) -> list[tuple[str, ...]]:

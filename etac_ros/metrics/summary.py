@@ -19,6 +19,7 @@ from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
+from etac_ros.maths.norms import row_norms
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.accounts import (
     HoldAccount,
@@ -28,6 +29,7 @@ from etac_ros.metrics.accounts import (
     link_accounts,
     medium_accounts,
 )
+from etac_ros.metrics.curves import last_tick
 from etac_ros.metrics.fault_account import FaultAccount, fault_accounts
 from etac_ros.metrics.figures import INTERVALS, FigureKey, key_of, label
 from etac_ros.metrics.latency import RealTimeAccount, real_time_account
@@ -148,6 +150,8 @@ class SampleFigures(_Model):
     samples: dict[str, int]
     faults: dict[str, FaultAccount]
     own: list[MeasuredValue]
+    ended_s: float | None = None
+    """None in a bag of before this was kept."""
 
 
 class PublishedValue(_Figure):
@@ -183,7 +187,8 @@ class Summary(_Model):
     engine: Literal["ros", "inprocess"]
     overrides: dict[str, JsonValue]
     seed: int
-    duration_s: float = Field(description="simulated")
+    duration_s: float = Field(description="simulated time that the scenario asks for")
+    ended_s: float = Field(description="simulated time at the end: earlier than asked for where a watch ended the run")
     steady_from_s: float = Field(description="simulated time from which steady figures are taken")
     halted: str = Field(description="why a watch ended the run early; empty otherwise")
     triggers: dict[str, Triggers] = Field(description="by the sensor's full name")
@@ -295,6 +300,7 @@ def summarise(
         overrides=dict(scenario.overrides),
         seed=scenario.run.seed,
         duration_s=scenario.run.duration_s,
+        ended_s=scenario.run.duration_s if figures.ended_s is None else figures.ended_s,
         steady_from_s=from_s,
         halted=halted,
         triggers=_triggers(graph, recording, steady),
@@ -340,6 +346,7 @@ def sample_figures(scenario: Scenario, graph: Graph, recording: Recording) -> Sa
         samples={name: _samples(graph, recording, name) for name, module in graph.modules.items() if module.senses},
         faults=fault_accounts(graph, recording),
         own=_own_figures(published_figures(scenario, graph), graph, recording),
+        ended_s=float(seconds(last_tick(graph, recording), graph.ticks_per_second)) if graph.plants else None,
     )
 
 
@@ -574,7 +581,8 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
             continue
         errors = errors_of(module.plant, states[skipped:], begin + skipped)
         angles = np.degrees(module.plant.attitude_angle(errors))
-        rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
+        rates = errors[:, module.plant.rate_slice]
+        rates = np.degrees(row_norms(rates) if rates.shape[1] == 3 else np.linalg.norm(rates, axis=1))
         largest_angle = float(np.maximum(largest_angle, angles.max()))  # which keeps what is no number
         largest_rate = float(np.maximum(largest_rate, rates.max()))
     return Performance(

@@ -308,7 +308,7 @@ def _of_runs(
 
 
 def _steady_note(view: View) -> str:
-    notes = [steady_note(run.summary.steady_from_s, run.summary.duration_s) for run in view.runs]
+    notes = [steady_note(run.summary.steady_from_s, run.end_s) for run in view.runs]
     if len(set(notes)) == 1:
         return f"{notes[0]}."
     return f"* {', '.join(f'{note[2:]} ({name})' for note, name in zip(notes, view.labels, strict=True))}."

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from etac_ros.beside import Beside, Elsewhere, here
 from etac_ros.errors import BagError, EtacError
-from etac_ros.report.beside import Beside, Elsewhere, here
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered, vector_files

@@ -108,6 +108,8 @@ class Host:
         How the launcher that started this process sees it; None for a node started by hand.
     on_begin
         In real time: told the instant of tick 0 on the wall clock [ns], where the coordinator is played.
+    ready_sink
+        Readies what ``open_sink`` needs, where the recorder is played; called before it joins.
 
     Attributes
     ----------
@@ -124,6 +126,7 @@ class Host:
         patient: bool = True,
         supervised: Supervised | None = None,
         on_begin: Callable[[int], None] = lambda start_ns: None,
+        ready_sink: Callable[[], None] = lambda: None,
     ) -> None:
         self._plan = plan
         self._names = names
@@ -132,6 +135,7 @@ class Host:
         self._patient = patient
         self._supervised = supervised
         self._on_begin = on_begin
+        self._ready_sink = ready_sink
         self.ended_by: int | None = None
         self._roll_call = 0.0
         self._next_look = 0.0
@@ -155,6 +159,8 @@ class Host:
             If this node failed, or was told of another's failure.
         """
         self._hear_signals()
+        if RECORDER in self._names:
+            self._ready_sink()  # as long as it has the same share of the processors as the others
         self._before_threads()
         context = Context()
         try:
@@ -212,8 +218,6 @@ class Host:
 
     def _make_ready(self) -> None:
         """Called while DDS looks for the others, when there is nothing else to do."""
-        if self._plan.prepare is not None and RECORDER in self._names:
-            self._plan.prepare()
         if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
             self._plan.rehearse()
 
@@ -222,6 +226,7 @@ class Host:
         for node in waiting:
             node.log(f"ready in ROS domain {os.environ.get(DOMAIN_VARIABLE, '0')}; the run begins when all are there")
         began = told = time.monotonic()
+        patience_s = self._plan.quiet_s
         while waiting:
             self._spinner.once(_JOIN_WAIT_S)
             self._look_around()
@@ -229,9 +234,10 @@ class Host:
                 node.announce()
                 waiting.remove(node)
             now = time.monotonic()
-            if not waiting or now - max(told, self._excused) < self._plan.quiet_s:
+            if not waiting or now - max(told, self._excused) < patience_s:
                 continue
             told = now
+            patience_s *= 2.0  # each node of a part says so: at once that would be a screen full every 20 s
             topics = ", ".join(waiting[0].missing())
             if not self._patient:
                 raise RunError(

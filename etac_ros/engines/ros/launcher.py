@@ -80,6 +80,11 @@ def groups(plan: Plan, processes: Processes, names: Sequence[str]) -> list[tuple
     return [tuple(names) for names in grouped.values()]
 
 
+def load() -> None:
+    """Load what every process of a run needs: once before a fork instead of in each."""
+    preload()
+
+
 @dataclass
 class _Child:
     place: int
@@ -121,6 +126,8 @@ class Launcher:
         Keeps signals for the moments at which a run can be ended; None where nobody does.
     machines
         Those that the run is spread over; None keeps to this one.
+    ready_sink
+        Readies what ``open_sink`` needs, in the recorder's process, while the others join.
     own_domain
         Whether the domain was taken for this run, so that nobody else was there first.
 
@@ -141,6 +148,7 @@ class Launcher:
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
         machines: Machines | None = None,
+        ready_sink: Callable[[], None] = lambda: None,
         own_domain: bool = False,
     ) -> None:
         self.started_s = 0.0
@@ -166,6 +174,7 @@ class Launcher:
         self._wall: WallClock
         self._stand_ins: dict[str, _Child] = {}
         self._open_sink = open_sink
+        self._ready_sink = ready_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
         self._signs = LifeSigns(len(self._groups), fresh_s(plan.quiet_s))
@@ -203,7 +212,7 @@ class Launcher:
         return outcome
 
     def _start(self) -> None:
-        preload()
+        load()
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
                 stream.flush()
@@ -211,7 +220,8 @@ class Launcher:
         names: tuple[str, ...] = ()
         try:
             with enough_files(len(self._groups)):
-                for place, names in enumerate(self._groups):
+                # The recorder first: it has most to ready, and can do so while the others are being forked.
+                for place, names in sorted(enumerate(self._groups), key=lambda group: RECORDER not in group[1]):
                     self._guard.check()
                     self._children.append(self._fork(place, names))
                 for fault in self._plan.faults:
@@ -236,11 +246,10 @@ class Launcher:
         fork = multiprocessing.get_context("fork")
         ours, theirs = fork.Pipe(duplex=fault is not None)
         supervised = Supervised(os.getpid(), self._signs, place)
+        sink = (self._open_sink, self._ready_sink)
         # In a domain that somebody has chosen there may be others, who were there first.
         peers = len(self._groups) + _GUESTS if self._own_domain else MOST_PEERS
-        task = _Task(
-            self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines, peers, fault
-        )
+        task = _Task(self._plan, names, *sink, self._domain, self._patient, supervised, self._machines, peers, fault)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -415,6 +424,7 @@ class _Task:
     plan: Plan
     names: tuple[str, ...]
     open_sink: Callable[..., Sink]
+    ready_sink: Callable[[], None]
     domain: int
     patient: bool
     supervised: Supervised
@@ -465,7 +475,8 @@ def _play(task: _Task, pipe: Connection) -> None:
 
     try:
         kind = host_of(plan)
-        host = kind(plan, task.names, task.open_sink, on_progress, task.patient, task.supervised, on_begin)
+        told = (on_progress, task.patient, task.supervised, on_begin)
+        host = kind(plan, task.names, task.open_sink, *told, task.ready_sink)
         outcome = host.run()
     except EtacError as error:
         _tell(pipe, "fault", error)

@@ -16,6 +16,7 @@ from etac_ros.timing.wall_rehearsal import Rehearsal
 
 _EARLY, _LATE = 12, 2
 """Enough for the interpreter, which adapts to what it runs often; and for the processor's caches."""
+_ALONE = 3
 _REST_NS = NANOSECONDS // 20
 """Between the early ones and tick 0 at least: others begin later, and windows are on their way."""
 _MOST_NS = NANOSECONDS // 100
@@ -41,18 +42,23 @@ class Rehearsals:
         self._names = [name for name in names if name in plan.graph.modules]
         wanted = plan.anew is not None and plan.birth is None and self._names
         self._early = _EARLY if wanted else 0
+        self._first = bool(wanted)
         self._takes_ns = 0
         self._at_hand: list[Rehearsal] = []
         self._processors: set[int] = set()
 
     def rehearse_alone(self) -> None:
-        """Once before the process has anything to do with others, to see how long it takes."""
+        """Before the process has anything to do with others, to see how long it takes: the first time does not tell."""
         if not self._early:
             return
         assert self._plan.wall is not None
         clock = WallClock(0, self._plan.graph.ticks_per_second, self._plan.wall.rate)
-        if self._run(self._rehearsal(clock)) is None or self._takes_ns > _MOST_NS:
-            self._early = 0
+        for _ in range(_ALONE):
+            if self._run(self._rehearsal(clock)) is None:
+                break
+            if self._takes_ns <= _MOST_NS:
+                return
+        self._early = 0
 
     def join(self, nodes: Sequence[TimedNode]) -> None:
         """The nodes are there: from here on what is sent goes their way."""
@@ -81,14 +87,16 @@ class Rehearsals:
         """How long before tick 0 the process wants to be awake; 0 if there is nothing left to rehearse."""
         return 2 * _ROUND * self._takes_ns if self._at_hand else 0
 
-    def rehearse_late(self, due: int) -> None:
-        """Once more, if there is time before tick 0; on the processor on which tick 0 will be."""
+    def stand_ready(self, due: int) -> None:
+        """The first act is near: once more, if there is time, and on the processor on which that will be."""
+        if not self._first:
+            return
         if not self._processors:
             self._take_processor()
-        if time.monotonic_ns() > due - _ROUND * self._takes_ns:
-            self._at_hand.clear()
-        elif self._at_hand:
+        while self._at_hand and time.monotonic_ns() < due - _ROUND * self._takes_ns:
             self._run(self._at_hand.pop())
+            os.sched_yield()
+        self._at_hand.clear()
 
     def _take_processor(self) -> None:
         """Spread those that act over the processors.
@@ -108,8 +116,9 @@ class Rehearsals:
             os.sched_setaffinity(0, {sorted(self._processors)[own % len(self._processors)]})
 
     def over(self) -> None:
-        """The first act has been done: from here on the kernel says who runs where."""
+        """What was due has been done: after the first act the kernel says again who runs where."""
         if self._processors:
+            self._first = False
             os.sched_setaffinity(0, self._processors)
             self._processors = set()
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from etac_ros.report.beside import Elsewhere, Work, here
+from etac_ros.beside import Elsewhere, Work, here
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

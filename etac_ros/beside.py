@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -14,8 +16,7 @@ from typing import Any, Generic, Protocol, TypeVar
 T = TypeVar("T")
 Work = Callable[[], T]
 """A piece of work, or what hands its outcome out."""
-_LONGEST_S = 60.0
-"""After that a piece of work has come to nothing."""
+_PR_SET_PDEATHSIG = 1
 
 
 class Elsewhere(Protocol):
@@ -38,9 +39,15 @@ class Beside:
     first on, what is asked for and has not been begun. For a process whose other threads do nothing that the work
     needs, such as a command that shows how far it is: what they hold at a fork stays locked for ever. Where there is a
     single core the work is done here, and also where its process comes to nothing.
+
+    Parameters
+    ----------
+    longest_s
+        After so long [s] a piece of work has come to nothing; None waits for it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, longest_s: float | None = 60.0) -> None:
+        self._longest_s = longest_s
         self._waiting: list[_Piece[Any]] = []
         self._last: _Piece[Any] | None = None
 
@@ -48,7 +55,7 @@ class Beside:
         """Take a piece of work; what is returned hands out what came of it."""
         if len(os.sched_getaffinity(0)) == 1:
             return here(work)
-        piece = _Piece(work)
+        piece = _Piece(work, self._longest_s)
         self._waiting.append(piece)
         self._begin()
 
@@ -70,8 +77,9 @@ class Beside:
 class _Piece(Generic[T]):
     """One piece of work."""
 
-    def __init__(self, work: Work[T]) -> None:
+    def __init__(self, work: Work[T], longest_s: float | None) -> None:
         self._work = work
+        self._longest_s = longest_s
         self._made: list[T] = []
         self._process: BaseProcess | None = None
         self._pipe: Connection
@@ -85,15 +93,20 @@ class _Piece(Generic[T]):
         """Have it done by a process of its own."""
         fork = multiprocessing.get_context("fork")
         self._pipe, theirs = fork.Pipe(duplex=False)
-        self._process = fork.Process(target=_do, args=(self._work, theirs), daemon=True)
-        self._process.start()
+        _flush()  # or it would write once more what this one has not written yet
+        self._process = fork.Process(target=_do, args=(self._work, theirs, os.getpid()), daemon=True)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
     def outcome(self) -> T:
         """What came of it: what its process sends, or else what is made here and now."""
         if self._process is not None:
             with suppress(EOFError, OSError):
-                if self._pipe.poll(_LONGEST_S):
+                if self._pipe.poll(self._longest_s):
                     self._made.append(self._pipe.recv())
             self._process.kill()
             self._process.join()
@@ -104,8 +117,19 @@ class _Piece(Generic[T]):
         return self._made[0]
 
 
-def _do(work: Work[object], outcome: Connection) -> None:
+def _do(work: Work[object], outcome: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who waits, and ends this one with itself
-    with suppress(BaseException):  # which the one that waits will meet itself, and tell
-        outcome.send(work())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # as does whatever else ends it
+    if os.getppid() == parent:
+        with suppress(BaseException):  # which the one that waits will meet itself, and tell
+            made = work()
+            _flush()
+            outcome.send(made)
     os._exit(0)  # without what else happens at an end: that is the business of who has forked
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
+            stream.flush()

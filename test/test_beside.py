@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from etac_ros.report.beside import Beside, here
+from etac_ros.beside import Beside, here
 
 ME = os.getpid()
 LARGE = bytes(range(256)) * 4096  # more than a pipe takes
@@ -82,3 +84,55 @@ def test_on_a_single_core_nothing_is_forked(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0})
     assert Beside()(lambda: b"%d" % os.getpid())() == b"%d" % ME
     assert here(lambda: b"%d" % os.getpid())() == b"%d" % ME
+
+
+HOLDS = """
+import os, sys
+os.sched_getaffinity = lambda _: {0, 1}
+from etac_ros.beside import Beside
+alive, go = int(sys.argv[1]), int(sys.argv[2])
+def work():
+    os.write(alive, b'work')
+    os.read(go, 1)  # which nobody writes
+    os.write(alive, b'left')
+outcome = Beside(longest_s=None)(work)
+try:
+    os.write(alive, b'wait')
+    os.close(alive)  # held by the other process alone from now on
+    outcome()
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", -15), ("SIGKILL", -9)])
+def test_who_waits_takes_the_other_process_along_however_it_ends(number: str, code: int) -> None:
+    (reads, alive), (go, keeps) = os.pipe(), os.pipe()
+    command = [sys.executable, "-c", HOLDS, str(alive), str(go)]
+    process = subprocess.Popen(command, pass_fds=[alive, go], start_new_session=True)
+    os.close(alive)
+    os.close(go)
+    try:
+        both = os.read(reads, 4) + os.read(reads, 4)
+        assert sorted(both) == sorted(b"workwait")
+        if number == "SIGINT":
+            os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        else:
+            os.kill(process.pid, getattr(signal, number))
+        assert process.wait() == code
+        os.close(keeps)
+        assert os.read(reads, 4) == b""  # nobody is left to hold it, or to write into it
+    finally:
+        process.kill()
+        process.wait()
+        os.close(reads)
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_what_is_printed_is_printed_once(capfd: pytest.CaptureFixture[str]) -> None:
+    print("before")
+    outcome = Beside()(lambda: print("beside"))
+    outcome()
+    print("after")
+    sys.stdout.flush()
+    assert capfd.readouterr().out == "before\nbeside\nafter\n"
