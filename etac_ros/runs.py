@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from etac_ros import __version__
 from etac_ros.bag.contents import Contents
-from etac_ros.bag.definitions import schema_text, type_hash
+from etac_ros.bag.definitions import offered_qos_yaml, schema_text, type_hash
+from etac_ros.bag.description import describe_run, to_json
 from etac_ros.bag.from_recording import Follower, write_recording
 from etac_ros.bag.layouts import foxglove, plotjuggler
 from etac_ros.bag.live import LIVE_WAITS_S, LiveView, Viewer, Viewers, check_live
@@ -32,8 +33,6 @@ from etac_ros.bag.state import WAITS_S, StateStreams, watchers_of
 from etac_ros.bag.state_rest import StateRest
 from etac_ros.bag.topics import TopicDescription, recorded_topics, truth_topic
 from etac_ros.bag.write import check_writable
-from etac_ros.capture.account import WireAccount
-from etac_ros.capture.kept import account_of, write_to_bag
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.engines.ros.liveness import QUIET_S
 from etac_ros.engines.ros.several_machines import Machines
@@ -47,9 +46,7 @@ from etac_ros.graph.wire import TABLE_TYPE
 from etac_ros.maths.compiled import import_numba
 from etac_ros.maths.wall_clock import WallClock, rate_of
 from etac_ros.metrics.clocks import with_delayed_torques
-from etac_ros.metrics.kept import keep_in_bag
 from etac_ros.metrics.published import check as check_figures
-from etac_ros.metrics.summary import Summary, Timing, summarise
 from etac_ros.scenario.build import check_foreign
 from etac_ros.scenario.document import EVERYWHERE
 from etac_ros.scenario.load import Scenario, load
@@ -58,9 +55,13 @@ from etac_ros.scenario.trust import foreign_classes, own_classes_only
 from etac_ros.timing.windows import WindowPolicy, check_pace, short_windows
 
 if TYPE_CHECKING:
+    from etac_ros.capture.account import WireAccount
     from etac_ros.engines.ros.plan import RealTime
+    from etac_ros.metrics.summary import Summary
 
 _WARM_UP_TICKS = 40
+_REHEARSAL_S = 0.01
+"""How long a process that waits for the others rehearses at most: 0.3 ms a trigger, once it has its pages."""
 _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
@@ -121,7 +122,31 @@ def warm_up(scenario: Scenario) -> None:
     _warm.add(scenario.digest)
     import_numba()
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8)).run()
+    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
+
+
+def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] | None:
+    """What each process of a run goes through before it joins; nothing where that costs more than it gains.
+
+    Classes of a user are built and called for their run alone: they may print, or move hardware. Real time has its own.
+    """
+    if wall is not None or foreign_classes(scenario.classes):
+        return None
+    from etac_ros.engines.ros.rehearsal import Rehearsal
+
+    def rehearse() -> None:
+        deadline_s = time.monotonic() + _REHEARSAL_S
+        Rehearsal(scenario.build(), windows_of(scenario)).run(deadline_s)
+
+    return rehearse
+
+
+def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
+    """Go through what opening a bag takes the first time, which is when a run begins."""
+    scenario.text.encode()
+    to_json(describe_run(graph, {}))
+    for topic in recorded_topics(graph):
+        offered_qos_yaml(topic.reliability.value, topic.latched)
 
 
 def _played_in_real_time(graph: Graph) -> Graph:
@@ -130,8 +155,11 @@ def _played_in_real_time(graph: Graph) -> Graph:
 
 
 def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
-    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
-    if wall is None or not wall.priority:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does.
+
+    Not classes of a user: they may print, or move hardware.
+    """
+    if wall is None or not wall.priority or foreign_classes(scenario.classes):
         return None
     return lambda: _played_in_real_time(scenario.build())
 
@@ -404,7 +432,7 @@ def simulate_delayed(scenario: Scenario, ticks: int) -> Run:
     return _simulated(scenario, with_delayed_torques(scenario.build(), ticks), began, None)[0]
 
 
-def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None) -> InProcess:
+def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None, in_one: bool = True) -> InProcess:
     """What runs a graph of a scenario by calls, with the windows that suit calls.
 
     Parameters
@@ -415,13 +443,16 @@ def engine_by_calls(scenario: Scenario, graph: Graph, pace: float | None = None)
         Built from it, and not used yet.
     pace
         Simulated seconds a second at most; None lets it run.
+    in_one
+        In one kernel, where the graph is one loop of compiled formulas.
     """
     asked = windows_of(scenario)
     # A window costs no message here, so a long one only computes more samples that are then dropped.
     windows = replace(asked, first=min(asked.first, _LONGEST_BY_CALLS), longest=min(asked.longest, _LONGEST_BY_CALLS))
     windows = short_windows(windows, pace, graph.ticks_per_second)
     wait = None if pace is None else Pace(pace, graph.ticks_per_second).wait
-    return InProcess(graph, windows, before=wait, trimmed=asked.longest if pace is None else windows.longest)
+    trimmed = asked.longest if pace is None else windows.longest
+    return InProcess(graph, windows, before=wait, trimmed=trimmed, in_one=in_one and pace is None)
 
 
 def _simulated(
@@ -433,7 +464,11 @@ def _simulated(
     viewers: Callable[[Sequence[TopicDescription]], Viewer] | None = None,
 ) -> tuple[Run, int]:
     """The run, and the tick at which it ended."""
-    engine = engine_by_calls(scenario, graph, pace)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
+    # A bag keeps committed samples as they come, so it shows how a run went on.
+    engine = engine_by_calls(scenario, graph, pace, in_one=bag is None)
     with contextlib.ExitStack() as shown:
         if viewers is not None:
             shown.callback(_show(scenario, engine, viewers).close)
@@ -587,6 +622,22 @@ def _check_faults_in_real_time(options: RosOptions, scenario: Scenario) -> None:
             raise ScenarioError(where, found, "a shorter one", f"--quiet-s {lasts + 10:g}")
 
 
+def load_ros() -> None:
+    """Import what a run over DDS needs: it has to be done before the run, and can be while something else goes on."""
+    from etac_ros.engines.ros import own_process
+
+    if not own_process.is_needed():
+        from etac_ros.engines.ros.launcher import load
+
+        load()
+
+
+def load_summary() -> None:
+    """Import what sums a run up: only once it is over is it needed."""
+    import etac_ros.metrics.kept
+    import etac_ros.metrics.summary  # noqa: F401
+
+
 def play_part(scenario: Scenario, options: RosOptions, on_join: Callable[[], None] = lambda: None) -> bool:
     """Play the part of a run that ``options.only`` names, if another part keeps time.
 
@@ -717,6 +768,8 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
+        rehearse=_rehearsal(scenario, wall),
+        prepare=partial(_describe_in_vain, scenario, graph),
         anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
@@ -724,14 +777,15 @@ def run_over_ros(
         extra = tuple(TopicDescription(window_topic(plant), TABLE_TYPE, "emulation") for plant in graph.plants)
     if options.live is not None:
         check_live(options.live)
-    state = state_streams(scenario, live=options.live is not None)
-    for topic in (*recorded_topics(graph), *extra, *(() if state is None else state.topics)):
-        # Loads the definitions before the fork, where they cost nobody's start-up.
-        schema_text(topic.type_name)
-        type_hash(topic.type_name)
     whole = None if scenario.run.truth_every == 1 else TruthFile(graph.plants)  # before the fork: the recorder fills it
     lease = take_domain(options.domain)
     outlet = Outlet(on_picture)
+
+    def began_all(pids: dict[str, int]) -> None:
+        on_start(pids)
+        load_summary()  # while they find each other
+
+    opener = _Opener(scenario, graph, bag, extra, options.live, whole, outlet.take)
     try:
         with _captured(options, lease.domain, graph) as wire, SignalGuard() as guard:
             launcher = Launcher(
@@ -739,11 +793,13 @@ def run_over_ros(
                 Processes(options.processes),
                 lease.domain,
                 options.only,
-                lambda wall=None: open_bag(scenario, bag, "ros", extra, state, wall, options.live, whole, outlet.take),
+                opener.open,
                 outlet.after(on_progress),
-                on_start,
+                began_all,
                 guard,
                 options.machines,
+                opener.ready,
+                options.domain is None,
             )
             try:
                 outcome = launcher.run()
@@ -758,6 +814,8 @@ def run_over_ros(
         outlet.close()
         lease.release()
     if wire:
+        from etac_ros.capture.kept import write_to_bag
+
         write_to_bag(bag, wire[0])
     recorded = read_bag(bag)
     counts = {topic.name: count for topic, count in recorded.topics.items()}
@@ -769,6 +827,9 @@ def run_over_ros(
         # Of these the bag has others than were sent: what the recorder has thinned out is what it has written.
         in_bag |= {truth_topic(plant).name: outcome.written(truth_topic(plant).name) for plant in graph.plants}
     check(plan, outcome, in_bag)
+    from etac_ros.metrics.kept import keep_in_bag
+    from etac_ros.metrics.summary import Timing, summarise
+
     sizes = {name: count.cdr_bytes for name, count in counts.items()}
     total = time.perf_counter() - began
     summary = summarise(
@@ -792,6 +853,33 @@ def run_over_ros(
     return Run(scenario, summary, recording, bag)
 
 
+@dataclass
+class _Opener:
+    """Opens the bag of a run over DDS, in the recorder's process, which alone needs message definitions for it."""
+
+    scenario: Scenario
+    graph: Graph
+    bag: Path
+    extra: tuple[TopicDescription, ...]
+    live: int | None
+    whole: TruthFile | None
+    on_picture: OnPicture | None
+    _state: StateStreams | None = None
+
+    def ready(self) -> None:
+        """Load and make what a bag needs, while the nodes find each other: when it is opened they wait for it."""
+        self._state = state_streams(self.scenario, live=self.live is not None)
+        shown = () if self._state is None else self._state.topics
+        for topic in (*recorded_topics(self.graph), *self.extra, *shown):
+            schema_text(topic.type_name)
+            type_hash(topic.type_name)
+
+    def open(self, wall: WallClock | None = None) -> RunBag:
+        """Create it."""
+        extra, state, live = self.extra, self._state, self.live
+        return open_bag(self.scenario, self.bag, "ros", extra, state, wall, live, self.whole, self.on_picture)
+
+
 @contextlib.contextmanager
 def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[WireAccount]]:
     """Captures meanwhile; what was captured is in the list afterwards, if something was."""
@@ -799,6 +887,7 @@ def _captured(options: RosOptions, domain: int, graph: Graph) -> Iterator[list[W
     if not options.capture:
         yield accounts
         return
+    from etac_ros.capture.kept import account_of
     from etac_ros.capture.live import CannotCapture, Capture, ports_of
 
     with tempfile.TemporaryDirectory(prefix="etac_ros_") as folder:

@@ -12,7 +12,7 @@ from typing import Any
 from etac_ros.graph.graph import Graph
 from etac_ros.graph.recording import Message, Recording
 from etac_ros.parameters import FloatArray
-from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Finished
+from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Finished, Hint
 from etac_ros.timing.dispatcher import Effect as Order
 from etac_ros.timing.duties import Duties
 from etac_ros.timing.master import TimeMaster
@@ -31,7 +31,7 @@ class Network:
     def __init__(self, graph: Graph, windows: WindowPolicy) -> None:
         self.graph = graph
         self.duties = Duties(graph, windows)
-        self.master = TimeMaster(graph, windows)
+        self.master = TimeMaster(graph, windows, dict.fromkeys(self.duties.acting, windows.longest))
         self.queues: dict[Queue, deque[Any]] = {}
         self.delivered: dict[Queue, int] = {}
         self.finished = False
@@ -137,6 +137,10 @@ class Network:
                 self._put(module, "orders", "orders", orders)
             case Call(plant, order):
                 self.workers[plant].on_orders([order])
+            case Hint(plant, compared):
+                worker = self.workers[plant]
+                assert isinstance(worker, PlantWorker)
+                worker.expect(compared)
             case Finished():
                 self.finished = True
 

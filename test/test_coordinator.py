@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros import coordinator as coordinator_module
 from etac_ros.engines.ros.endpoints import DATA
+from etac_ros.engines.ros.own_code import own_code
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER
 from etac_ros.errors import RunError
 from etac_ros.graph.topics import CLOCK, END, MESSAGE_LOG, STOP
@@ -60,6 +61,16 @@ def test_who_does_not_belong_here_is_named(
 ) -> None:
     with pytest.raises(RunError, match=words):
         join(world(monkeypatch), **changes)
+
+
+def test_by_hand_all_are_of_the_same_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_hand = world(monkeypatch, token="")
+    by_hand.coordinator.announce()
+    own = own_code()
+    join(by_hand, code=own)
+    for other in ({"code": f"{own}0"}, {}):
+        with pytest.raises(RunError, match=r"^node /actuator: is of another etac_ros"):
+            join(by_hand, node="/actuator", **other)
 
 
 def test_a_node_that_is_there_twice_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

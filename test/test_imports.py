@@ -16,6 +16,7 @@ import etac_ros
 PACKAGE = Path(etac_ros.__file__).parent
 FLOORS = [
     "plain_text",
+    "beside",
     "errors",
     "tables",
     "parameters",

@@ -15,6 +15,7 @@ from etac_ros.bag.read import read_bag
 from etac_ros.cli.nodes import join_domain
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment, take_domain
 from etac_ros.engines.ros.environment import (
+    MOST_PEERS,
     SET_ASIDE,
     dds_environment,
     enter_launched_run,
@@ -77,6 +78,14 @@ def test_the_processes_of_a_run_get_none_of_it() -> None:
     environment = dict.fromkeys(SET_ASIDE, "anything") | {"ROS_DOMAIN_ID": "3", "HOME": "/home"}
     enter_launched_run(environment, 7, private=True)
     assert environment == {"HOME": "/home", **dds_environment(7, private=True)}
+
+
+def test_only_a_launched_run_says_how_many_it_looks_for() -> None:
+    assert dds_environment(7, private=True, peers=13)["ETAC_ROS_PEERS"] == "13"
+    assert dds_environment(7, private=True, peers=1000)["ETAC_ROS_PEERS"] == str(MOST_PEERS)
+    assert "ETAC_ROS_PEERS" not in dds_environment(7)
+    by_hand = ET.parse(dds_environment(7)["FASTRTPS_DEFAULT_PROFILES_FILE"]).getroot()
+    assert [one.text for one in by_hand.iter(f"{NAMESPACE}maxInitialPeersRange")] == [str(MOST_PEERS)]
 
 
 def test_nothing_is_said_of_a_plain_environment(tmp_path: Path) -> None:
@@ -171,4 +180,9 @@ def test_the_two_profiles_differ_in_what_is_meant_to_differ() -> None:
 
     by_hand, launched = settings("fastdds_profile.xml"), settings("fastdds_profile_launched.xml")
     different = [(a, b) for a, b in zip(by_hand, launched, strict=True) if a != b]
-    assert different == [(("sec", "4"), ("sec", "DURATION_INFINITY"))]
+    peers = "maxInitialPeersRange"
+    assert different == [
+        ((peers, "110"), (peers, "${ETAC_ROS_PEERS}")),
+        (("sec", "4"), ("sec", "DURATION_INFINITY")),
+        (("nanosec", "50000000"), ("nanosec", "20000000")),
+    ]

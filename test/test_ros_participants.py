@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,11 +48,17 @@ print(seen)
 """
 
 
-def test_a_late_participant_sees_all() -> None:
+@pytest.mark.parametrize(
+    ("participants", "options"),
+    # More than Fast DDS finds where it is told nothing, and as many as a launcher that knows all tells it.
+    [(PARTICIPANTS, {}), (8, {"private": True, "peers": 9})],
+    ids=["of whom nobody knows how many there are", "of a launched run"],
+)
+def test_a_late_participant_sees_all(participants: int, options: dict[str, Any]) -> None:
     lease = take_domain()
-    environment = {**os.environ, **dds_environment(lease.domain)}
+    environment = {**os.environ, **dds_environment(lease.domain, **options)}
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(PARTICIPANTS)],
+        [sys.executable, "-c", SCRIPT, str(participants)],
         env=environment,
         capture_output=True,
         text=True,
@@ -60,7 +67,7 @@ def test_a_late_participant_sees_all() -> None:
     )
     lease.release()
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout) == PARTICIPANTS
+    assert int(done.stdout) == participants
 
 
 def test_more_processes_than_find_each_other_are_refused(tmp_path: Path) -> None:

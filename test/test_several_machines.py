@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -16,6 +18,7 @@ import pytest
 from test_engines_equal import assert_same
 
 from etac_ros.bag.read import read_bag
+from etac_ros.engines.ros import several_machines
 from etac_ros.engines.ros.environment import dds_environment, enter_launched_run, join_by_hand
 from etac_ros.engines.ros.several_machines import Machines, machines_of
 from etac_ros.errors import ScenarioError
@@ -91,29 +94,64 @@ def play(machines: tuple[Machine, Machine], folder: Path, *options: str) -> str:
     """``/pm`` on the one machine, ``/sm`` and the simulator with its recorder on the other."""
     here, there = machines
     common = ["run", "qi2022", "--set", "duration_s=2", "--set", "baseline=null", "--join", "7", "--quiet-s", "20"]
-    parts = [
-        here.etac(folder, *common, "--only", "/pm", "--peers", here.peer, *options),
-        there.etac(folder, *common, "--only", "/sm", "--peers", there.peer, *options),
-        there.etac(
+    parts = {
+        "pm": here.etac(folder, *common, "--only", "/pm", "--peers", here.peer, *options),
+        "sm": there.etac(folder, *common, "--only", "/sm", "--peers", there.peer, *options),
+        "sim": there.etac(
             folder, *common, "--only", "/sim", "--interface", there.interface, "--peers", there.peer, "--bag", "bag",
             "--json", "summary.json", *options,
         ),
-    ]  # fmt: skip
+    }  # fmt: skip
     try:
-        outputs = [part.communicate(timeout=LIMIT_S)[0] for part in reversed(parts)]
-        for part, output in zip(reversed(parts), outputs, strict=True):
-            assert part.returncode == 0, output
-        return outputs[0]
+        return all_end_well(parts)["sim"]
     finally:
-        for part in parts:
+        for part in parts.values():
             part.kill()
             part.wait()
 
 
+def all_end_well(parts: Mapping[str, subprocess.Popen[str]]) -> dict[str, str]:
+    """What each part printed, once all have ended; where one fails, or does not end, all that is known of all."""
+    pending = {os.pidfd_open(part.pid): part for part in parts.values()}
+    deadline = time.monotonic() + LIMIT_S
+    while pending:
+        ended, _, _ = select.select(list(pending), [], [], max(0.0, deadline - time.monotonic()))
+        for ending in ended:
+            pending.pop(ending).wait()
+            os.close(ending)
+        if not ended or any(part.returncode for part in parts.values()):
+            break
+    complete = not pending and not any(part.returncode for part in parts.values())
+    states = "" if complete else f"{LIMIT_S - (deadline - time.monotonic()):.0f} s\n" + "".join(
+        f"{path.read_text()[:60]} {path.with_name('wchan').read_text()}\n"
+        for part in parts.values() if part.returncode is None
+        for path in [Path(f"/proc/{one}/stat") for one in descendants(part.pid)]
+    )  # fmt: skip
+    for descriptor in pending:
+        os.close(descriptor)
+    for part in parts.values():
+        if part.poll() is None:
+            part.terminate()
+    outputs = {name: part.communicate(timeout=LIMIT_S)[0] for name, part in parts.items()}
+    codes = {name: part.returncode for name, part in parts.items()}
+    assert complete, f"{states}{codes}\n" + "\n".join(f"{name}: {output}" for name, output in outputs.items())
+    return outputs
+
+
+def descendants(process: int) -> list[int]:
+    """A process and all that it and its children have started."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    except OSError:  # it has just ended
+        return []
+    return [process, *(one for child in children for one in descendants(int(child)))]
+
+
 def test_simulated_time_has_the_bits_of_one_machine(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
-    play(machines, tmp_path)
     scenario = load("qi2022", None, ["duration_s=2", "baseline=null"])
-    assert_same(read_bag(tmp_path / "bag").recording(), run_in_process(scenario).recording)
+    on_one = run_in_process(scenario).recording  # first, so that kernels are compiled once and not by three at a time
+    play(machines, tmp_path)
+    assert_same(read_bag(tmp_path / "bag").recording(), on_one)
 
 
 @pytest.mark.slow
@@ -189,6 +227,29 @@ def test_a_network_that_is_not_there_is_named(machines: tuple[Machine, Machine],
         output, _ = node.communicate(timeout=LIMIT_S)
     assert node.returncode == 2
     assert "--peers 10.78.0.1: no way leads there: Network is unreachable" in output
+
+
+def test_an_interface_without_a_link_is_named(machines: tuple[Machine, Machine], tmp_path: Path) -> None:
+    """DDS would leave it out, with a line about its transport, and the nodes would wait for ever."""
+    there = machines[1]
+    ip("-n", there.namespace, "link", "set", there.interface, "down")
+    node = there.etac(tmp_path, "node", "/sensor", "wu2018", "--interface", there.interface)
+    try:
+        output, _ = node.communicate(timeout=LIMIT_S)
+    finally:
+        node.kill()
+        ip("-n", there.namespace, "link", "set", there.interface, "up")
+    assert node.returncode == 2
+    assert f"interface {there.interface} ({there.address}): is down, or has no link" in output
+
+
+def test_a_link_that_is_about_to_come_up_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Linux says so late; DDS would have left the interface out by then."""
+    answers = iter([several_machines._Down("eth0", True), several_machines._Down("eth0", True), None])
+    monkeypatch.setattr(several_machines, "_without_link", lambda address: next(answers))
+    monkeypatch.setattr(several_machines, "_LOOK_EVERY_S", 0.0)
+    assert machines_of(None, "127.0.0.1") == Machines("127.0.0.1")
+    assert next(answers, "all asked") == "all asked"
 
 
 @pytest.mark.parametrize(

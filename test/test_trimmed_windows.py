@@ -6,10 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from network import Network
+from network import run as run_network
 
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.graph.plant import PlantModule
 from etac_ros.maths.rk4 import Stop
+from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
 from etac_ros.plants.rigid import RigidBody
 from etac_ros.scenario.load import load
@@ -111,3 +114,37 @@ def test_what_is_not_dropped_is_all_that_is_computed() -> None:
     first = 64  # the first window cannot end where the first sample is sent
     _, computed = run("wu2018", ["duration_s=100"], WindowPolicy(first, 512), None, trimmed=512)
     assert 100 * 32 <= computed <= 100 * 32 + first + 512
+
+
+def over_messages(changes: list[str]) -> tuple[str, int, int]:
+    """Digest of a run whose parts are joined by messages, how many windows its sensor was shown, how often it fired."""
+    scenario = load("wu2018", None, changes)
+    network = run_network(lambda: Network(scenario.build(), WindowPolicy(64, 512)), lambda waiting: waiting[0])
+    fired = network.master.fired["/sensor"]
+    return network.recording().digest(), network.delivered["/sensor", "window of /plant"], fired
+
+
+@pytest.mark.parametrize("case", ["as printed", "lost", "delayed", "acknowledged", "stalls"])
+def test_a_hint_that_is_right_wrong_or_missing_changes_no_bit(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, changes = CASES[case]
+    usual, _ = run("wu2018", changes, WindowPolicy(64, 512), None, trimmed=None)
+    right, few, fired = over_messages(changes)
+    hinted = Sensor.stop_at
+
+    def wrong(sensor: Sensor, compared: FloatArray) -> Stop | None:
+        return hinted(sensor, compared[::-1] + 0.01)
+
+    monkeypatch.setattr(Sensor, "stop_at", wrong)
+    misled, ill, _ = over_messages(changes)
+    monkeypatch.setattr(Sensor, "stop_at", lambda sensor, compared: None)
+    untold, many, _ = over_messages(changes)
+    assert right == misled == untold == usual
+    assert max(few, ill) <= many + fired  # a hint is good for one act
+    assert case != "as printed" or few < many
+
+
+def test_over_messages_nothing_that_is_computed_is_dropped() -> None:
+    scenario = load("wu2018", None, ["duration_s=100"])
+    network = run_network(lambda: Network(scenario.build(), WindowPolicy(64, 4096)), lambda waiting: waiting[0])
+    # One behind the last message, or for the rest of the first window.
+    assert network.delivered["/sensor", "window of /plant"] == network.master.fired["/sensor"] + 1

@@ -240,7 +240,7 @@ def test_what_is_no_number_is_refused_with_its_sender() -> None:
 def test_a_watch_ends_the_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     graph = load("wu2018", None, ["duration_s=5"]).build()
     plant: Any = graph.modules["/plant"]
-    monkeypatch.setattr(plant, "_left_bounds", lambda start, rows: "enough" if start + len(rows) > 50 else "")
+    monkeypatch.setattr(plant, "left_bounds", lambda start, rows: "enough" if start + len(rows) > 50 else "")
     run = WallNetwork(graph, WallClock(START, 32, Fraction(1)), lambda topic, to, now: MS)
     run.run()
     assert [(name, halt.why) for name, halt in run.halts] == [("/plant", "enough")]

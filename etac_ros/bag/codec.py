@@ -11,7 +11,6 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from rosbags.serde import SerdeError
 
 from etac_ros.bag.definitions import typestore
 from etac_ros.graph.cdr import NumberTable, layout_of, read_table, read_value, write_table
@@ -86,6 +85,8 @@ def encode_truth(first_tick: int, samples: FloatArray) -> bytes:
 
 
 def _deserialized(type_name: str, cdr: bytes) -> Any:
+    from rosbags.serde import SerdeError  # here: only what others have written needs it
+
     try:
         return typestore().deserialize_cdr(cdr, type_name)
     except SerdeError as error:

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from etac_ros.bag.definitions import typestore
-from etac_ros.bag.mould import Mould, filled, mark, marked_stamp
+from etac_ros.bag.mould import Mould, mark, marked_stamp
 from etac_ros.parameters import FloatArray
 
 MARKERS_TYPE = "visualization_msgs/msg/MarkerArray"
-_MARKER = "visualization_msgs/msg/Marker"
 _ARROW, _CUBE = 0, 1  # constants of visualization_msgs/Marker
 _AXIS_M, _SHAFT_M, _HEAD_M = 0.9, 0.03, 0.08
 _AXES = {"x": (1.0, 0.2, 0.2), "y": (0.2, 0.8, 0.2), "z": (0.25, 0.45, 1.0)}
@@ -60,7 +58,7 @@ def arrow_tips(torques_nm: FloatArray) -> FloatArray:
 
 
 def _array(markers: list[Any], columns: int) -> Mould:
-    return Mould(MARKERS_TYPE, typestore().types[MARKERS_TYPE](markers=markers), columns)
+    return Mould(MARKERS_TYPE, {"markers": markers}, columns)
 
 
 def _marker(
@@ -72,21 +70,19 @@ def _marker(
     scale: tuple[float, float, float],
     place: tuple[float, float, float] = (0.0, 0.0, 0.0),
     tip: tuple[float, ...] = (),
-) -> Any:
-    types = typestore().types
-    point = types["geometry_msgs/msg/Point"]
-    upright = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    return filled(
-        _MARKER,
-        {
-            "header": types["std_msgs/msg/Header"](marked_stamp(), frame),
-            "ns": name,
-            "id": number,
-            "type": kind,
-            "pose": types["geometry_msgs/msg/Pose"](point(*place), upright),
-            "scale": types["geometry_msgs/msg/Vector3"](*scale),
-            "color": types["std_msgs/msg/ColorRGBA"](*colour, 1.0),
-            "frame_locked": True,
-            "points": [point(0.0, 0.0, 0.0), point(*tip)] if tip else [],
-        },
-    )
+) -> dict[str, Any]:
+    return {
+        "header": {"stamp": marked_stamp(), "frame_id": frame},
+        "ns": name,
+        "id": number,
+        "type": kind,
+        "pose": {"position": _xyz(place), "orientation": {"w": 1.0}},
+        "scale": _xyz(scale),
+        "color": {**dict(zip("rgb", colour, strict=True)), "a": 1.0},
+        "frame_locked": True,
+        "points": [_xyz((0.0, 0.0, 0.0)), _xyz(tip)] if tip else [],
+    }
+
+
+def _xyz(components: tuple[float, ...]) -> dict[str, float]:
+    return dict(zip("xyz", components, strict=True))

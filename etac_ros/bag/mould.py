@@ -1,4 +1,4 @@
-"""Many serialized messages of one shape at once: the library serializes one, whose numbers are then replaced.
+"""Many serialized messages of one shape at once: one is serialized, whose numbers are then replaced.
 
 Messages of one type with the same texts and array lengths have their numbers at the same places. So a template is
 serialized with marks for numbers, and where the marks stand is where the numbers belong; nothing here knows CDR.
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from etac_ros.bag.definitions import typestore
+from etac_ros.bag.message import serialized
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.parameters import FloatArray
 
@@ -26,9 +26,9 @@ def mark(number: int) -> float:
     return _FIRST_MARK * (1.0 + number)
 
 
-def marked_stamp() -> Any:
+def marked_stamp() -> dict[str, int]:
     """A time in a template: where it stands, the time of the message is written."""
-    return typestore().types["builtin_interfaces/msg/Time"](_SECONDS, _NANOSECONDS)
+    return {"sec": _SECONDS, "nanosec": _NANOSECONDS}
 
 
 class Mould:
@@ -39,13 +39,13 @@ class Mould:
     type_name
         Message type, as ``geometry_msgs/msg/PoseStamped``.
     template
-        A message of this type, with :func:`mark` and :func:`marked_stamp` in the places of what changes.
+        Values of a message of this type, with :func:`mark` and :func:`marked_stamp` in the places of what changes.
     columns
         How many marks there are. A mark may stand in several places.
     """
 
-    def __init__(self, type_name: str, template: Any, columns: int) -> None:
-        data = bytes(typestore().serialize_cdr(template, type_name))
+    def __init__(self, type_name: str, template: Mapping[str, Any], columns: int) -> None:
+        data = serialized(type_name, template)
         self._template = np.frombuffer(data, dtype=np.uint8)
         self._places = [_places(data, np.float64(mark(number)).tobytes()) for number in range(columns)]
         if not all(self._places):
@@ -76,24 +76,6 @@ class Mould:
         size = self._template.size
         everything = rows.tobytes()
         return [everything[start : start + size] for start in range(0, count * size, size)]
-
-
-def filled(type_name: str, given: Mapping[str, Any]) -> Any:
-    """A message of a type: what is given by field, all else zero, empty or false, as ROS has it."""
-    store = typestore()
-    fields = {name: given[name] if name in given else _empty(kind) for name, kind in store.fielddefs[type_name][1]}
-    return store.types[type_name](**fields)
-
-
-def _empty(kind: Any) -> Any:
-    number, described = int(kind[0]), kind[1]
-    if number == 1:  # a base type: its name and the limit of a string
-        return {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}.get(described[0], 0)
-    if number == 2:
-        return filled(described, {})
-    inner = described[0]
-    base = inner[1][0] if int(inner[0]) == 1 else ""
-    return np.zeros(0, dtype=base) if base not in ("", "string", "bool") else []
 
 
 def _places(data: bytes, wanted: bytes) -> list[int]:

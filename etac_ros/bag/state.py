@@ -17,12 +17,11 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from etac_ros.bag.definitions import typestore
 from etac_ros.bag.markers import MARKERS_TYPE, arrow_tips, shape_mould, torque_mould
 from etac_ros.bag.mould import Mould, mark, marked_stamp
 from etac_ros.bag.topics import SHAPE, TopicDescription
@@ -56,7 +55,7 @@ _ABOVE_M = 1.5
 """And a body whose attitude is relative to another stands above that."""
 _POSE, _VECTOR, _NUMBER = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Vector3Stamped", "std_msgs/msg/Float64"
 _TF = "tf2_msgs/msg/TFMessage"
-_UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+_UPRIGHT = {"w": 1.0}
 _Integers = npt.NDArray[np.int64]
 _NO_WORD = re.compile(r"[^A-Za-z0-9]+")
 
@@ -507,7 +506,7 @@ def _beside(columns: slice, samples: _Samples) -> FloatArray:
 
 
 def _numbers(topic: TopicDescription, values: Callable[[_Samples], FloatArray]) -> _Stream:
-    return _Stream(topic, Mould(_NUMBER, typestore().types[_NUMBER](data=mark(0)), 1), values)
+    return _Stream(topic, Mould(_NUMBER, {"data": mark(0)}, 1), values)
 
 
 def _vectors(topic: TopicDescription, frame: str, values: Callable[[_Samples], FloatArray]) -> _Stream:
@@ -544,40 +543,33 @@ def _once(mould: Mould) -> bytes:
     return mould.cast(np.zeros(1, dtype=np.int64), np.empty((1, 0)))[0]
 
 
-def _header(frame: str) -> object:
-    header: object = typestore().types["std_msgs/msg/Header"](marked_stamp(), frame)
-    return header
+def _header(frame: str) -> dict[str, Any]:
+    return {"stamp": marked_stamp(), "frame_id": frame}
+
+
+def _marks(names: str, first: int = 0) -> dict[str, float]:
+    return {name: mark(first + number) for number, name in enumerate(names)}
 
 
 def _pose_mould(frame: str) -> Mould:
-    types = typestore().types
-    pose = types["geometry_msgs/msg/Pose"](
-        types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0),
-        types["geometry_msgs/msg/Quaternion"](*(mark(number) for number in range(4))),
-    )
-    return Mould(_POSE, types[_POSE](_header(frame), pose), 4)
+    return Mould(_POSE, {"header": _header(frame), "pose": {"orientation": _marks("xyzw")}}, 4)
 
 
 def _vector_mould(frame: str) -> Mould:
-    types = typestore().types
-    vector = types["geometry_msgs/msg/Vector3"](mark(0), mark(1), mark(2))
-    return Mould(_VECTOR, types[_VECTOR](_header(frame), vector), 3)
+    return Mould(_VECTOR, {"header": _header(frame), "vector": _marks("xyz")}, 3)
 
 
 def _transforms_mould(joined: list[tuple[str, str, tuple[float, float, float]]], turning: bool) -> Mould:
     """Transforms of frames within frames: parent, child and where the child stands [m]."""
-    types = typestore().types
     transforms = [
-        types["geometry_msgs/msg/TransformStamped"](
-            _header(parent),
-            child,
-            types["geometry_msgs/msg/Transform"](
-                types["geometry_msgs/msg/Vector3"](*at),
-                types["geometry_msgs/msg/Quaternion"](
-                    *([mark(4 * place + number) for number in range(4)] if turning else _UPRIGHT)
-                ),
-            ),
-        )
+        {
+            "header": _header(parent),
+            "child_frame_id": child,
+            "transform": {
+                "translation": dict(zip("xyz", at, strict=True)),
+                "rotation": _marks("xyzw", 4 * place) if turning else _UPRIGHT,
+            },
+        }
         for place, (parent, child, at) in enumerate(joined)
     ]
-    return Mould(_TF, types[_TF](transforms), 4 * len(joined) if turning else 0)
+    return Mould(_TF, {"transforms": transforms}, 4 * len(joined) if turning else 0)

@@ -7,7 +7,9 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
@@ -15,26 +17,28 @@ from rich.progress import BarColumn, Progress, TextColumn
 from etac_ros.bag.live import HOST, check_live
 from etac_ros.bag.reserve import release
 from etac_ros.bag.write import check_writable
+from etac_ros.beside import Beside
 from etac_ros.cli.interrupts import keeping
 from etac_ros.cli.outputs import check_output, write_output
 from etac_ros.cli.progress import lines_now_and_then, progress_console, steps
-from etac_ros.cli.screen import Screen
-from etac_ros.cli.show import show_summary
 from etac_ros.engines.ros.domain import check_domain, domain_of_environment
 from etac_ros.engines.ros.environment import without_effect
 from etac_ros.engines.ros.several_machines import Machines, find_peers
 from etac_ros.errors import RunHalted, ScenarioError
-from etac_ros.metrics.summary import with_measured
 from etac_ros.runs import (
     RosOptions,
     Run,
     free_bag_directory,
+    load_ros,
     play_part,
     run_in_process,
     run_over_ros,
     warm_up,
 )
 from etac_ros.scenario.load import Scenario, baseline_of, load
+
+if TYPE_CHECKING:
+    from etac_ros.metrics.summary import Summary
 
 
 @dataclass(frozen=True)
@@ -124,17 +128,26 @@ def run_and_show(request: RunRequest, console: Console) -> None:
         with keeping(lambda: _kept(bag, scenario.run.truth_every == 1)):
             with steps(console, f"{scenario.name}: compiling kernels, seconds the first time"):
                 warm_up(scenario)
-            baseline = None if other is None else _run_baseline(other, request, bag, console)
+            baseline = None if other is None else _baseline(other, request, bag, console)
             run = _run(scenario, request, bag, console)
     finally:
         if bag is not None:
             release(bag)
-    summary = with_measured(run.summary, None if baseline is None else baseline.summary)
+    from etac_ros.metrics.summary import with_measured
+
+    summary = with_measured(run.summary, baseline)
     if request.json is not None:  # before the tables: whoever reads those may stop reading
         write_output("--json", request.json, summary.model_dump_json(indent=2) + "\n")
+    from etac_ros.cli.show import show_summary
+
     show_summary(scenario, summary, console)
     if request.json is not None:
         console.print(f"summary: {request.json}", soft_wrap=True)
+
+
+def load_tables() -> None:
+    """Import what shows a run, while its processes find each other and this one waits."""
+    import etac_ros.cli.show  # noqa: F401
 
 
 def _in_this_process(options: RosOptions) -> RosOptions:
@@ -218,26 +231,44 @@ def _kept(bag: Path | None, all_samples: bool) -> str:
     return f"what had happened until then is in {bag}, which is readable ({by})"
 
 
-def _run_baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run | None:
+def _baseline(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Summary | None:
     """The baseline's counts are the same with either engine; only on request it takes the long way.
 
     None where a watch ended it: that is no reason against the run that was asked for.
     """
-    try:
-        if request.baseline and request.engine == "ros":
-            beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
-            plain = replace(request.options, capture=False, keep_capture=None, live=None)
-            return _run(scenario, replace(request, options=plain), beside, console)
-        return run_in_process(scenario)
-    except RunHalted as halted:
-        console.print(f"no baseline '{scenario.variant}' to compare with: {halted}", soft_wrap=True)
+    if request.engine != "ros":
+        found = _by_calls(scenario)
+    elif request.baseline:
+        beside = None if bag is None else bag.with_name(f"{bag.name}_{scenario.variant}")
+        plain = replace(request.options, capture=False, keep_capture=None, live=None)
+        try:
+            return _run(scenario, replace(request, options=plain), beside, console).summary
+        except RunHalted as halted:
+            found = halted
+    else:
+        # It ends before the run begins, which has both cores for itself then.
+        outcome = Beside(longest_s=None)(partial(_by_calls, scenario))
+        load_ros()
+        found = outcome()
+    if isinstance(found, RunHalted):
+        console.print(f"no baseline '{scenario.variant}' to compare with: {found}", soft_wrap=True)
         return None
+    return found
+
+
+def _by_calls(scenario: Scenario) -> Summary | RunHalted:
+    try:
+        return run_in_process(scenario).summary
+    except RunHalted as halted:
+        return halted
 
 
 def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Console) -> Run:
     options = request.options
     shown = progress_console(console)
     if request.watch:
+        from etac_ros.cli.screen import Screen
+
         say = lines_now_and_then(console.quiet)
         title = f"{scenario.name}, {scenario.variant}" if scenario.variant else scenario.name
         with Screen(shown, title, scenario.graph, say) as screen:
@@ -265,4 +296,4 @@ def _run(scenario: Scenario, request: RunRequest, bag: Path | None, console: Con
             note = f"{triggers}{speed:.0f} x real time"
             progress.update(task, completed=simulated, note=note)
 
-        return run_over_ros(scenario, bag, options, on_progress)
+        return run_over_ros(scenario, bag, options, on_progress, lambda pids: load_tables())

@@ -139,6 +139,9 @@ class Graph:
         What happens to the processes of modules, in the order of the ticks at which it begins.
     spares
         By fault: the module that takes the place of one that is restarted.
+    all_own
+        Whether all classes in it are of etac_ros, which work in place on nothing that they are shown. Those of others
+        get arrays of their own.
     """
 
     modules: Mapping[str, Module]
@@ -150,6 +153,7 @@ class Graph:
     media: Mapping[str, MediumPlan] = field(default_factory=dict)
     faults: tuple[Fault, ...] = ()
     spares: Mapping[str, Module] = field(default_factory=dict)
+    all_own: bool = False
 
     def in_real_time(self) -> Graph:
         """The same, where real processes are stopped: what arrives late is noted by its receiver, and not computed."""

@@ -194,9 +194,13 @@ class Module:
     def stop(self) -> Stop | None:
         """Where a window that opens now may end: behind the state at which the module acts first; None for no such end.
 
-        A hint, by which a plant in the same process computes nothing that is dropped. What happens is decided by
-        :meth:`scan` all the same, so that only speed depends on it.
+        A hint, by which a plant computes nothing that is dropped: in the same process by asking, else by
+        :meth:`stop_at`. What happens is decided by :meth:`scan` all the same, so that only speed depends on it.
         """
+        return None
+
+    def stop_at(self, compared: FloatArray) -> Stop | None:
+        """As :meth:`stop`, of a module that lives in another process and has said what it compares with."""
         return None
 
     @property

@@ -65,13 +65,15 @@ class PlantModule(Module):
         window = self._window
         if window is None or tick < window.start:
             return tick + 1, np.empty((0, self.state.size))
-        fresh = window.samples[: tick - window.start + 1]
+        _, _, start, samples = window
+        count = tick - start + 1
+        fresh = samples if count == len(samples) else samples[:count]
         if not self.halt:
-            self.halt = self._left_bounds(window.start, fresh)
+            self.halt = self.left_bounds(start, fresh)
         self.state = fresh[-1].copy()
         self.tick = tick
         self._window = None
-        return window.start, fresh
+        return start, fresh
 
     @property
     def can_stop(self) -> bool:
@@ -97,7 +99,7 @@ class PlantModule(Module):
         """What the plant watches."""
         return watches_of(self.plant, window.samples)
 
-    def _left_bounds(self, start: int, samples: FloatArray) -> str:
+    def left_bounds(self, start: int, samples: FloatArray) -> str:
         """Why the run has to end: only committed samples count, never the uncommitted tail of a window."""
         if samples.size and not all_finite(samples[-1]):  # what is no number stays so
             row = int(np.argmin(np.isfinite(samples).all(axis=1)))

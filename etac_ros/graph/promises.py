@@ -7,8 +7,9 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import lru_cache
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MethodType
 from typing import Any
 
 import numpy as np
@@ -148,9 +149,25 @@ def check_state_size(owner: object, plant: Plant) -> None:
 def takes(function: Callable[..., Any], parameter: str) -> bool:
     """Whether a function has a parameter of a name."""
     try:
-        return parameter in inspect.signature(function).parameters
+        return parameter in signature_of(function).parameters
     except (TypeError, ValueError):  # a built-in that does not tell
         return False
+
+
+def signature_of(function: Callable[..., Any]) -> inspect.Signature:
+    """The parameters that a call of a function or method has.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it does not tell.
+    """
+    return _signature_of_method(function.__func__) if isinstance(function, MethodType) else inspect.signature(function)
+
+
+@lru_cache(maxsize=1024)  # a sweep builds thousands of graphs of the same classes
+def _signature_of_method(function: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(MethodType(function, object()))
 
 
 def failure(where: str, called: str, error: BaseException, kind: type[EtacError] = BrokenPromise) -> EtacError:

@@ -200,7 +200,8 @@ class Recording:
         chunks = self.truth.get(plant) or [(0, np.empty((0, 0)))]
         count, joined = self._joined.get(plant, (0, _NONE))
         if count != len(chunks):
-            joined = np.concatenate([samples for _, samples in chunks])
+            first, *others = chunks
+            joined = np.concatenate([samples for _, samples in chunks]) if others else first[1]
             self._joined[plant] = len(chunks), joined
         return chunks[0][0], joined
 

@@ -17,6 +17,7 @@ import numpy as np
 from etac_ros.parameters import FloatArray
 
 _CDR_HEADER = 4
+_FLOAT32, _FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 
 
 class WireFormat(StrEnum):
@@ -120,5 +121,5 @@ class Wire:
     def rounded(self, value: FloatArray) -> FloatArray:
         """The value as it comes off the wire: contiguous float64, rounded to what the message holds."""
         if self.format is WireFormat.COMPACT:
-            return value.astype(np.float32).astype(np.float64)
-        return value.astype(np.float64)
+            return value.astype(_FLOAT32).astype(_FLOAT64)
+        return value.astype(_FLOAT64)

@@ -80,6 +80,20 @@ class Law(Protocol):
         ...
 
 
+class FormedLaw(Law, Protocol):
+    """A law that goes by the signal alone, and whose formula may be compiled into a plant's."""
+
+    command_parameters: FloatArray
+    command_form: Callable[..., Any]
+    """``command_form(signal, command_parameters, out)``, as :func:`etac_ros.maths.compiled.inlined` takes it: what
+    ``command`` returns."""
+
+
+def has_formula(law: Law) -> TypeGuard[FormedLaw]:
+    """Whether the formula of a law may be compiled into a plant's."""
+    return hasattr(law, "command_parameters")
+
+
 class WatchedLaw(Protocol):
     """A law whose trigger rule looks at more than the command."""
 

@@ -57,6 +57,12 @@ class FilteredError:
         return result
 
 
+@inlined
+def _command(signal, p, out):  # type: ignore[no-untyped-def]
+    for j in range(3):
+        out[j] = p[0] * signal[j]
+
+
 class ProportionalParameters(Parameters):
     """Parameters of :class:`Proportional`."""
 
@@ -75,9 +81,11 @@ class Proportional:
     Parameters = ProportionalParameters
     signal_size = 3
     command_size = 3
+    command_form = staticmethod(_command)
 
     def __init__(self, parameters: ProportionalParameters, ticks_per_second: int) -> None:
         self._k = parameters.k
+        self.command_parameters = vector([-parameters.k])
 
     def command(self, signal: FloatArray) -> FloatArray:
         """Torque [N m] for a received ``s`` [rad/s]."""

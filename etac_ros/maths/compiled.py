@@ -4,18 +4,13 @@ Numba is imported when the first kernel is called: its import takes longer than 
 
 No fastmath and no parallel loops: both change bits, and the engines have to agree to the last one.
 
-Numba does not see that a kernel depends on functions of other files, so a changed helper would leave a stale
-machine-code file in use. The cache folder therefore carries a digest of the package's numerical sources, and
-:func:`source_digest` does the same for a user's own file.
+The cache folder carries a digest of the package's numerical sources, so that what earlier versions left can be removed.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
-import importlib.metadata
-import inspect
 import os
 import shutil
 import sys
@@ -24,13 +19,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from etac_ros.maths.kernel_cache import keep_in_files
+
 _ROOMS = ("maths", "plants", "laws", "triggers")
 _KEPT_CACHES = 4
 
 
 def _package_digest() -> str:
+    import numba
+
     package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(importlib.metadata.version("numba").encode())
+    digest = hashlib.sha256(numba.__version__.encode())
     for room in _ROOMS:
         for path in sorted((package / room).glob("*.py")):
             digest.update(path.name.encode())
@@ -81,8 +80,20 @@ def once_numba_is_there(tell: Callable[[], None]) -> None:
 
 
 def import_numba() -> None:
-    """Import numba here, so that no module that first calls a kernel is blamed where that fails."""
-    import numba  # noqa: F401
+    """Import numba here, so that no module that first calls a kernel is blamed where that fails.
+
+    Where coverage is installed numba loads it, a sixth of its import, to tell it of lines that it compiles. Of a
+    process in which nobody measures coverage there is nothing to tell.
+    """
+    absent: Any = None
+    hidden = "numba" not in sys.modules and "coverage" not in sys.modules
+    if hidden:
+        sys.modules["coverage"] = absent
+    try:
+        import numba  # noqa: F401
+    finally:
+        if hidden:
+            del sys.modules["coverage"]
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -112,52 +123,12 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    import_numba()
     import numba
 
     _use_cache_folder()
     tell_numba()
     made: Any = numba.njit(cache=True, error_model="numpy")(function)
-    _load_without_the_compiler(made)
+    keep_in_files(made)
     kernel: Callable[..., Any] = made
     return kernel
-
-
-def _load_without_the_compiler(made: Any) -> None:
-    """Have machine code that is cached loaded without what only compiling needs.
-
-    Numba readies its compiler first: all that it knows of numpy, and scipy for the sake of BLAS. That is three quarters
-    of what a command spends on kernels. Machine code needs the runtime alone, and where none is cached the compiler is
-    readied as ever. This goes by names that numba does not publish; where they are no more, numba does as it would.
-    """
-    try:
-        base: Any = importlib.import_module("numba.core.caching").FunctionCache
-        runtime: Any = importlib.import_module("numba.core.runtime").rtsys
-        guarded, load = base._guard_against_spurious_io_errors, base._load_overload
-    except (ImportError, AttributeError):
-        return
-
-    def load_overload(self: Any, signature: Any, target: Any) -> Any:
-        runtime.initialize(target)
-        with guarded(self):
-            return load(self, signature, target)
-
-    made._cache = type("Cache", (base,), {"load_overload": load_overload})(made.py_func)
-
-
-def source_digest(*functions: Callable[..., Any]) -> str:
-    """Digest of the files in which the functions stand, to be kept in a kernel's closure.
-
-    Parameters
-    ----------
-    functions
-        Functions that a kernel made by a factory calls.
-
-    Returns
-    -------
-    str
-        A digest that changes when one of those files changes.
-    """
-    digest = hashlib.sha256()
-    for function in functions:
-        digest.update(Path(inspect.getfile(function)).read_bytes())
-    return digest.hexdigest()[:16]

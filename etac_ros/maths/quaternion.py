@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from etac_ros.maths.compiled import inlined, kernel
+from etac_ros.maths.norms import row_norms
 from etac_ros.parameters import FloatArray
 
 
@@ -99,7 +100,7 @@ def to_euler_321(q: FloatArray) -> FloatArray:
 def rotation_angle(q: FloatArray) -> FloatArray:
     """Angle of the shortest rotation [rad] of unit quaternions of shape (..., 4)."""
     q = np.asarray(q, dtype=np.float64)
-    return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0])))
+    return np.asarray(2.0 * np.arctan2(row_norms(q[..., 1:]), np.abs(q[..., 0])))
 
 
 @kernel

@@ -7,9 +7,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from etac_ros.maths.compiled import inlined, kernel, source_digest
+from etac_ros.maths.compiled import inlined, kernel
 from etac_ros.maths.scratch import scratch, scratch_matrix
 from etac_ros.parameters import FloatArray
+
+
+class Answer(NamedTuple):
+    """What follows from a hit within the same tick, where that is a formula: then computing ahead goes on.
+
+    What is watched is put on a wire; out of that comes a command, out of the command the input that is held from then
+    on, each component limited, reduced and put on a wire of its own.
+    """
+
+    command: Callable[..., Any]
+    """``command(signal, parameters, out)``: writes into ``out``, of the size of the held input."""
+    first: int
+    """Where its numbers begin in :attr:`Stop.parameters`: for each of the three wires 1.0 if it has single precision;
+    least, largest and what is left of each component of the input; and the parameters of ``command``."""
 
 
 class Criterion(NamedTuple):
@@ -23,6 +37,8 @@ class Criterion(NamedTuple):
     """``holds(watched, row, compared, parameters)``: whether to stop; what is watched is a row of a matrix."""
     first: int
     """Where the parameters of ``holds`` begin; those of ``form`` stand before them."""
+    answer: Answer | None = None
+    """None to stop, else what happens in the place of that."""
 
 
 class Stop(NamedTuple):
@@ -35,6 +51,10 @@ class Stop(NamedTuple):
     parameters: FloatArray
     compared: FloatArray
     """What is watched is compared with this: it changes from one window to the next, and costs no compilation."""
+    events: FloatArray | None = None
+    """Where there is an answer, it is written in here: the number of events, 0.0 unless something was no number, and
+    for each event its tick, what was watched, commanded and held, as it came off the wires. Computing ends when this
+    is full. The states begin with the given one then, so that those of a whole run are one array."""
 
 
 @inlined
@@ -50,6 +70,18 @@ def _form_nothing(state, parameters, out):  # type: ignore[no-untyped-def]
 @inlined
 def _never(watched, row, compared, parameters):  # type: ignore[no-untyped-def]
     return False
+
+
+@inlined
+def _command_nothing(signal, parameters, out):  # type: ignore[no-untyped-def]
+    pass
+
+
+@inlined
+def _off_wire(value, single):  # type: ignore[no-untyped-def]
+    if single > 0.0:
+        return np.float64(np.float32(value))
+    return value
 
 
 _ON = Criterion(_form_nothing, 1, _never, 0)
@@ -76,6 +108,8 @@ class Propagator:
         self.name = "propagate." + ".".join(map(_name, self._parts))
         self._plain: dict[tuple[int, ...], Callable[..., Any]] = {}
         self._stopping: dict[tuple[int, int, int, int, Criterion], Callable[..., Any]] = {}
+        # What was asked for last, as mostly: to hash a criterion takes longer than to know it again.
+        self._last: tuple[Criterion | None, tuple[int, ...], Callable[..., Any]] = None, (), _never
 
     def __call__(
         self,
@@ -93,7 +127,9 @@ class Propagator:
         if compiled is None:
             sizes = _sizes(state, held, parameters, held, held)
             compiled = self._plain[key] = _compiled(self.name, self._parts, _ON, sizes)
-        states: FloatArray = compiled(state, tick, count, held, parameters, ticks_per_second, substeps, held, held)
+        states: FloatArray = compiled(
+            state, tick, count, held, parameters, ticks_per_second, substeps, held, held, held
+        )
         return states
 
     def until(
@@ -108,17 +144,22 @@ class Propagator:
         substeps: int,
     ) -> FloatArray:
         """As a call, but no further than the first state at which to stop."""
-        criterion, watching, compared = stop
-        key = (state.size, held.size, len(parameters), watching.size, criterion)
-        compiled = self._stopping.get(key)
-        if compiled is None:
-            sizes = _sizes(state, held, parameters, watching, compared)
-            compiled = self._stopping[key] = _compiled(self.name, self._parts, criterion, sizes)
+        criterion, watching, compared, events = stop
+        key = (state.size, held.size, len(parameters), watching.size)
+        last, last_key, compiled = self._last
+        if last is not criterion or last_key != key:
+            found = self._stopping.get((*key, criterion))
+            if found is None:
+                sizes = _sizes(state, held, parameters, watching, compared)
+                found = self._stopping[(*key, criterion)] = _compiled(self.name, self._parts, criterion, sizes)
+            compiled = found
+            self._last = criterion, key, compiled
         states: FloatArray = compiled(
-            state, tick, count, held, parameters, ticks_per_second, substeps, watching, compared
-        )
+            state, tick, count, held, parameters, ticks_per_second, substeps, watching, compared,
+            compared if events is None else events,
+        )  # fmt: skip
         # Of its own memory alone: what was not computed is not kept.
-        return states if len(states) == count else states.copy()
+        return states if len(states) >= count else states.copy()
 
 
 def propagator(
@@ -161,8 +202,11 @@ def _compiled(
     """The kernel for arrays of these sizes: known beforehand, the loops over them are unrolled."""
     derivative, project, drive = parts
     states_size, held_size, parameters_size, watching_size, compared_size = sizes
-    form, watched_size, holds, first = criterion
-    digest = source_digest(*parts, form, holds)
+    form, watched_size, holds, first, answer = criterion
+    answering = answer is not None
+    command, answer_first = answer or (_command_nothing, 0)
+    row = 1 + watched_size + 2 * held_size
+    lead = 1 if answering else 0
 
     def propagate(  # type: ignore[no-untyped-def]
         state,
@@ -174,9 +218,9 @@ def _compiled(
         substeps,
         watching,
         compared,
+        events,
     ):
-        digest  # noqa: B018  part of the closure: the key under which the machine code is cached
-        states = np.empty((count, states_size))
+        states = np.empty((lead + count, states_size))
         # Copies on the stack: the owners of a slice of anything else would be counted, four times a step.
         u = scratch(held_size)
         for a in range(held_size):
@@ -202,9 +246,14 @@ def _compiled(
         k4 = scratch(states_size)
         for a in range(states_size):
             x[a] = state[a]
+            if lead > 0:
+                states[0, a] = state[a]
         rate = ticks_per_second * substeps
         h = 1.0 / rate
         end = drive(tick * substeps / rate, p)
+        v = scratch(held_size)
+        happened = 0
+        unsound = 0.0  # no number as soon as anything is none
         for i in range(count):
             for j in range(substeps):
                 step = (tick + i) * substeps + j
@@ -225,13 +274,45 @@ def _compiled(
                     x[a] += h / 6.0 * (k1[a] + 2.0 * k2[a] + 2.0 * k3[a] + k4[a])
             project(x)
             for a in range(states_size):
-                states[i, a] = x[a]
+                states[lead + i, a] = x[a]
             form(x, w[:first], watched[0])
+            if answering:
+                for a in range(watched_size):
+                    unsound += 0.0 * watched[0, a]
             if holds(watched, 0, c, w[first:]):
-                return states[: i + 1]
+                if not answering:
+                    return states[: i + 1]
+                at = 2 + happened * row
+                happened += 1
+                events[at] = tick + i + 1
+                for a in range(watched_size):
+                    c[a] = _off_wire(watched[0, a], w[answer_first])
+                    events[at + 1 + a] = c[a]
+                    unsound += 0.0 * c[a]
+                command(c, w[answer_first + 3 + 3 * held_size :], v)
+                for a in range(held_size):
+                    v[a] = _off_wire(v[a], w[answer_first + 1])
+                    events[at + 1 + watched_size + a] = v[a]
+                    torque = v[a]
+                    if torque < w[answer_first + 3 + a]:
+                        torque = w[answer_first + 3 + a]
+                    if torque > w[answer_first + 3 + held_size + a]:
+                        torque = w[answer_first + 3 + held_size + a]
+                    u[a] = _off_wire(torque * w[answer_first + 3 + 2 * held_size + a], w[answer_first + 2])
+                    events[at + 1 + watched_size + held_size + a] = u[a]
+                    unsound += 0.0 * v[a] + 0.0 * u[a]
+                if at + 2 * row > events.size:
+                    events[0] = happened
+                    events[1] = unsound
+                    return states[: i + 2]
+        if answering:
+            events[0] = happened
+            events[1] = unsound
         return states
 
     # The symbols of cached machine code are made of this name and of a count that begins anew in every process. Under
     # one name, the kernels of two plants that two processes have cached would get in each other's way in a third.
     propagate.__qualname__ = f"{name}.{'.'.join(map(str, sizes))}.{_name(form)}.{watched_size}.{_name(holds)}.{first}"
+    if answering:
+        propagate.__qualname__ += f".{_name(command)}.{answer_first}"
     return kernel(propagate)

@@ -19,6 +19,7 @@ from etac_ros.graph.graph import Graph, Link, LinkKind
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Recording
 from etac_ros.graph.replay import deliveries, energy, trigger_ticks
+from etac_ros.maths.norms import row_norms
 from etac_ros.maths.ticks import seconds
 from etac_ros.metrics.accounts import (
     HoldAccount,
@@ -580,7 +581,8 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
             continue
         errors = errors_of(module.plant, states[skipped:], begin + skipped)
         angles = np.degrees(module.plant.attitude_angle(errors))
-        rates = np.degrees(np.linalg.norm(errors[:, module.plant.rate_slice], axis=1))
+        rates = errors[:, module.plant.rate_slice]
+        rates = np.degrees(row_norms(rates) if rates.shape[1] == 3 else np.linalg.norm(rates, axis=1))
         largest_angle = float(np.maximum(largest_angle, angles.max()))  # which keeps what is no number
         largest_rate = float(np.maximum(largest_rate, rates.max()))
     return Performance(

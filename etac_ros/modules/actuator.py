@@ -90,6 +90,14 @@ class Actuator(Module):
         self._expires: int | None = None
         self._effectiveness = None if parameters.effectiveness is None else vector(parameters.effectiveness)
 
+    @property
+    def formula(self) -> FloatArray | None:
+        """Least, largest and what is left of each component, one after another; None where that is not all."""
+        if self._axes is not None or self.hold_ticks is not None:
+            return None
+        left = np.ones_like(self._limit) if self._effectiveness is None else self._effectiveness
+        return np.concatenate([self._least, self._limit, left])
+
     def scan(self, window: Window | None, after: int) -> int | None:
         """The tick at which the newest command has outlived its time."""
         # Overdue is what expired while the process stood still.

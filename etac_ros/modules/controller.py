@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Callable
 from typing import Any
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from etac_ros.graph.module import Arrivals, Context, Module, Outputs
-from etac_ros.graph.promises import Component
+from etac_ros.graph.promises import Component, signature_of
 from etac_ros.graph.role import Acts, Role
-from etac_ros.laws.law import Law
+from etac_ros.laws.law import Law, has_formula
 from etac_ros.parameters import FloatArray, Parameters
 
 _TOLD = ("tick", "state")
@@ -73,6 +73,12 @@ class Controller(Module):
         elif "tick" in self._told:
             self.role = Role(Acts.AT_ONCE, timed=True)
 
+    @property
+    def formula(self) -> tuple[Callable[..., Any], FloatArray] | None:
+        """The law as a formula to be compiled, and its numbers; None where it has none, or goes by more than that."""
+        law = self._law.owner
+        return (law.command_form, law.command_parameters) if not self._told and has_formula(law) else None  # type: ignore[arg-type]  # it is the law
+
     def receive(self, tick: int | None, arrivals: Arrivals, sample: FloatArray | None) -> Outputs:
         """Compute the command for the newest signal."""
         if not self._told:
@@ -87,7 +93,7 @@ class Controller(Module):
 
 
 def _check_signature(law: Law) -> None:
-    _, *others = inspect.signature(law.command).parameters.values()
+    _, *others = signature_of(law.command).parameters.values()
     for other in others:
         if other.default is other.empty and other.name not in _TOLD and other.kind is not other.VAR_KEYWORD:
             raise ValueError(

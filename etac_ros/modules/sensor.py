@@ -110,8 +110,8 @@ class Sensor(Module):
         period = 1.0 / context.ticks_per_second
         self._gain = 1.0 - np.exp(-period / parameters.low_pass_s) if parameters.low_pass_s > 0.0 else 1.0
         self._criterion: Criterion | None = None
-        plain = self._noise.enters is NoiseEnters.NOWHERE and self._gain == 1.0
-        if plain and is_formed(signal) and is_held(trigger):
+        self._plain = self._noise.enters is NoiseEnters.NOWHERE and self._gain == 1.0
+        if self._plain and is_formed(signal) and is_held(trigger):
             before, behind = signal.form_parameters, trigger.holds_parameters
             self._numbers = np.concatenate([before, behind])
             self._criterion = Criterion(signal.form, signal.size, trigger.holds, before.size)
@@ -122,11 +122,12 @@ class Sensor(Module):
     def scan(self, window: Window | None, after: int) -> int | None:
         """First tick at which the trigger rule holds."""
         assert window is not None
-        offset = after + 1 - window.start
-        if offset >= window.samples.shape[0]:
+        _, _, start, samples = window
+        offset = after + 1 - start
+        if offset >= len(samples):
             return None
         watched, sent = self._signals(window)
-        rows = watched[offset:]
+        rows = watched[offset:] if offset else watched
         due = self.hold.first(rows, after + 1)
         if sent is watched and all_finite(rows):
             return due
@@ -139,9 +140,16 @@ class Sensor(Module):
     def stop(self) -> Stop | None:
         """Where the trigger rule holds, of a signal and a rule that can be compiled into the plant's formula."""
         compared = self.hold.compared
-        if self._criterion is None or compared is None:
-            return None
-        return Stop(self._criterion, self._numbers, compared)
+        return None if compared is None else self.stop_at(compared)
+
+    def stop_at(self, compared: FloatArray) -> Stop | None:
+        """Where the trigger rule holds, compared with what another process's sensor has sent last."""
+        return None if self._criterion is None else Stop(self._criterion, self._numbers, compared)
+
+    @property
+    def stopping(self) -> tuple[Criterion, FloatArray] | None:
+        """What :meth:`stop` goes by, and its numbers; None where it cannot tell."""
+        return None if self._criterion is None or self.hold.has_memory else (self._criterion, self._numbers)
 
     def advance(self, tick: int, window: Window) -> None:
         """Keep what was watched and what would be sent at ``tick``, and the memories of filter and rule."""
@@ -159,11 +167,17 @@ class Sensor(Module):
         assert sample is not None
         last, watched, sent = self._memory
         assert last == tick
-        for method, values in (("evaluate", watched), ("sent", sent)):
-            if not all_finite(values) and all_finite(sample):
-                found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
-                raise self._component.broken(method, found, "finite numbers")
+        if not all_finite(watched):
+            self._refuse("evaluate", watched, tick, sample)
+        if sent is not watched and not all_finite(sent):
+            self._refuse("sent", sent, tick, sample)
         return {"signal": self.hold.send(sent, tick, watched if self._sends_other else None)}
+
+    def _refuse(self, method: str, values: FloatArray, tick: int, sample: FloatArray) -> None:
+        """What is no number, and follows from numbers, is not sent."""
+        if all_finite(sample):
+            found = f"gives {values.tolist()} at tick {tick} for a state of finite numbers"
+            raise self._component.broken(method, found, "finite numbers")
 
     def settle(self, port: str, tick: int, acknowledged: bool) -> None:
         """Go by what was acknowledged."""
@@ -207,6 +221,9 @@ class Sensor(Module):
         if self._seen is not None and self._seen[0] is window:
             return self._seen[1], self._seen[2]
         watched, sent = self._both(window.samples, window.start)
+        if self._plain:
+            self._seen = (window, watched, sent)
+            return watched, sent
         if self._noise.enters is not NoiseEnters.NOWHERE:
             count = window.samples.shape[0]
             errors = normals(self._key, window.start, count, self._sigmas.size) * self._sigmas

@@ -34,6 +34,11 @@ _POINT = 4.0 / 3.0
 _DASHES = {"solid": "solid", "dashed": "dash", "dotted": "dot", "dashdot": "dashdot", "-": "solid"}
 
 
+def shows_curves_only(figure: Figure) -> bool:
+    """Whether all that a figure shows can be told by :func:`spec`."""
+    return all(axes.axison and all(patch.get_gid() == MARK for patch in axes.patches) for axes in figure.axes)
+
+
 def spec(figure: Figure, columns: int = COLUMNS) -> dict[str, Any] | None:
     """What a drawn figure of the light theme shows, as traces and axes; None if it shows anything but curves.
 
@@ -44,7 +49,7 @@ def spec(figure: Figure, columns: int = COLUMNS) -> dict[str, Any] | None:
     columns
         To how many pixel columns each curve is thinned out.
     """
-    if any(not axes.axison or any(patch.get_gid() != MARK for patch in axes.patches) for axes in figure.axes):
+    if not shows_curves_only(figure):
         return None
     names = _names(figure)
     return {

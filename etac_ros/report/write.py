@@ -7,11 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from etac_ros.beside import Beside, Elsewhere, here
 from etac_ros.errors import BagError, EtacError
-from etac_ros.report.beside import Beside, Work, here
 from etac_ros.report.figures.kind import FigureKind
 from etac_ros.report.figures.registry import FIGURES
 from etac_ros.report.figures.style import PAGE_DPI, Theme, rendered, vector_files
+from etac_ros.report.interactive import shows_curves_only
 from etac_ros.report.page import Drawn, page
 from etac_ros.report.source import ReportedRun, read_other, read_run
 from etac_ros.report.view import View
@@ -108,10 +109,12 @@ def write_report(
             if kind.applies(view):
                 say(f"{bag}: drawing {kind.name}")
                 drawn.append(_drawn(kind, view, elsewhere))
-                (folder / f"{kind.name}.png").write_bytes(drawn[-1].files.alone)
                 if figures is not None:
                     for ending, data in vector_files(partial(kind.draw, view), kind.size_in(view)).items():
                         (figures / f"{kind.name}.{ending}").write_bytes(data)
+        for figure in drawn:
+            say(f"{bag}: drawing {figure.kind.name}")
+            (folder / f"{figure.kind.name}.png").write_bytes(figure.files.alone)
         path = folder / PAGE
         path.write_text(page(view, drawn), encoding="utf-8", newline="\n")
     except OSError as error:
@@ -131,9 +134,9 @@ def baseline_beside(bag: Path, run: ReportedRun) -> tuple[Path, ...]:
     return (beside,) if variant is not None and not run.is_baseline and beside.is_dir() else ()
 
 
-def _drawn(kind: FigureKind, view: View, elsewhere: Callable[[Work], Work]) -> Drawn:
+def _drawn(kind: FigureKind, view: View, elsewhere: Elsewhere) -> Drawn:
     def draw(figure: Figure, theme: Theme) -> None:
         kind.draw(view, figure, theme)
 
     dpi = _OVERVIEW_DPI if kind.name == "overview" else PAGE_DPI
-    return Drawn(kind, rendered(draw, kind.size_in(view), dpi, elsewhere))
+    return Drawn(kind, rendered(draw, kind.size_in(view), dpi, elsewhere, shows_curves_only))

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from etac_ros.report.figures.style import WIDTH_IN, Theme, rendered
+from etac_ros.report.figures import style
+from etac_ros.report.figures.style import WIDTH_IN, Theme
 from etac_ros.robustness.grid import Cell, Map, Robustness
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ _DARK = 10.0
 def picture(found: Robustness) -> bytes:
     """A PNG with a panel for each loop, for a light page; the same maps always give the same bytes."""
     height = _REST_IN + _ROW_IN * len(found.losses)
-    return rendered(lambda figure, theme: _fill(figure, theme, found), (WIDTH_IN, height)).light
+    return style.picture(lambda figure, theme: _fill(figure, theme, found), (WIDTH_IN, height))
 
 
 def _fill(figure: Figure, theme: Theme, found: Robustness) -> None:

@@ -39,6 +39,7 @@ from etac_ros.scenario.faults import field_names, unknown_key
 from etac_ros.scenario.media import media_of
 from etac_ros.scenario.process_faults import check_faults, faults_of, spares_of
 from etac_ros.scenario.schema import LinkSection, NodeSection, RunSection
+from etac_ros.scenario.trust import foreign_classes
 
 _SHORT_NAMES: dict[str, type[Module]] = {
     "plant": PlantModule,
@@ -175,7 +176,8 @@ def build(run: RunSection, nodes: Mapping[str, Mapping[str, Any]], end_tick: int
         return _module(name, run, nodes, modules, formats[name], incoming, told, f"{file}: {name}")
 
     spares = spares_of(faults, spare)
-    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media, faults, spares)
+    own = not foreign_classes(nodes)
+    graph = Graph(modules, reads, links, run.ticks_per_second, end_tick, external, media, faults, spares, own)
     _check(graph, file)
     check_faults(graph, file)
     return graph

@@ -18,11 +18,13 @@ from etac_ros.maths.ticks import whole_ticks
 from etac_ros.plants.plant import notes_of
 from etac_ros.scenario.build import build, node_parameters, rounded_delays
 from etac_ros.scenario.classes import validated
+from etac_ros.scenario.code import code_digests
 from etac_ros.scenario.document import EVERYWHERE, FORMATION, read_sections, variants_of, write_sections
 from etac_ros.scenario.faults import field_names
 from etac_ros.scenario.places import find
 from etac_ros.scenario.precedence import Laid, Layers, as_assignment, laid
 from etac_ros.scenario.schema import NodeSection, PublishedFigure, RunSection
+from etac_ros.scenario.trust import foreign_classes
 from etac_ros.scenario.values import with_value
 
 _RUN_KEYS = [*field_names(RunSection), FORMATION]
@@ -114,7 +116,7 @@ class Scenario:
 
     @property
     def digest(self) -> str:
-        """Digest of everything that bears on the result: processes compare it before they run together."""
+        """Digest of all that bears on the result, code of users' classes too: processes compare it, and sweeps do."""
         return self._digest(self.run.model_dump(mode="json", by_alias=True, exclude=BEARS_NOT))
 
     @property
@@ -125,6 +127,8 @@ class Scenario:
     def _digest(self, everywhere: Mapping[str, Any]) -> str:
         # Keys stay in order: that of the nodes and links is the order of sums and bags.
         canonical = json.dumps({EVERYWHERE: everywhere, **self.nodes})
+        if code := code_digests(foreign_classes(self.classes)):
+            canonical += json.dumps(code)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
     def with_values(self, values: Mapping[str, Any], seed: int) -> Scenario:

@@ -23,7 +23,12 @@ Description = Mapping[str, Any]
 
 FORMAT = 3
 _MUST_AGREE = ("scenario", "variant", "version", "fixed", "points", "dispersions", "runs", "seed", "digests")
-_WORDS = {"digests": "the scenario itself", "runs": "--runs", "fixed": "--set", "points": "--set with several values"}
+_WORDS = {
+    "digests": "the scenario itself, or the code of its classes",
+    "runs": "--runs",
+    "fixed": "--set",
+    "points": "--set with several values",
+}
 
 
 def describe(plan: Plan) -> dict[str, Any]:

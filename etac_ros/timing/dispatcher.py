@@ -32,11 +32,18 @@ class Call(NamedTuple):
     order: Order
 
 
+class Hint(NamedTuple):
+    """What the reader of a plant in the coordinator's own process compares with from now on."""
+
+    plant: str
+    compared: tuple[float, ...]
+
+
 class Finished(NamedTuple):
     """The run is over."""
 
 
-Effect = Command | Call | Finished
+Effect = Command | Call | Hint | Finished
 
 
 class Dispatcher:
@@ -106,6 +113,8 @@ class Dispatcher:
         ProtocolError
             If it was not asked, or about another tick.
         """
+        if report.compared is not None:
+            self._emit(Hint(self._graph.reads[module], report.compared))
         if module in self._awaited:
             self._check_tick(module, self._orders[self._awaited[module]], report, tick)
             self._ahead[module] = ahead

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 from etac_ros.graph.graph import Graph
+from etac_ros.graph.plant import PlantModule
 from etac_ros.timing.windows import WindowPolicy
 
 
@@ -33,6 +35,26 @@ class Duties:
     def remote_plants(self) -> tuple[str, ...]:
         """Plants that get their orders as messages."""
         return () if self.timekeeper_with else self._graph.plants
+
+    @cached_property
+    def acting(self) -> Mapping[str, str]:
+        """By plant whose windows end by themselves: the reader that says what it compares with, and so where.
+
+        The plant lives beside the coordinator, which hears it, and whom it tells how long its window is.
+        """
+        plant = self.timekeeper_with
+        if plant is None:
+            return {}
+        readers, module = self._graph.readers[plant], self._graph.modules[plant]
+        assert isinstance(module, PlantModule)
+        if len(readers) != 1 or not (self._graph.modules[readers[0]].stops and module.can_stop):
+            return {}
+        return {plant: readers[0]} if self.reports(readers[0]) else {}
+
+    @property
+    def untold(self) -> int:
+        """How long such a window is while its reader cannot tell."""
+        return self._windows.first
 
     def needs_orders(self, module: str) -> bool:
         """Whether a module waits for orders; the others act on arrival, or live with the coordinator."""

@@ -7,7 +7,7 @@ I/O at all: the in-process engine answers with calls, the ros engine with messag
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence, Set
 from types import MappingProxyType
 
 from etac_ros.errors import ProtocolError
@@ -16,13 +16,24 @@ from etac_ros.graph.channel import Way
 from etac_ros.graph.graph import AfterLast, Graph, Link
 from etac_ros.media.frame import Fate
 from etac_ros.timing.digest import Places, acted, knows_ticks, received, settled
-from etac_ros.timing.orders import Close, Deliver, Fire, Look, MessageId, Open, Order, Report, Settled, Transit
+from etac_ros.timing.orders import (
+    Close,
+    Deliver,
+    Fire,
+    Forward,
+    Look,
+    MessageId,
+    Open,
+    Order,
+    Report,
+    Settled,
+    Transit,
+)
+from etac_ros.timing.relays import MOST_STEPS_A_TICK, Relay, Relays
 from etac_ros.timing.under_way import UnderWay
 from etac_ros.timing.windows import WindowPolicy
 
 Batches = Generator[Sequence[Order], Sequence[Report], None]
-
-_MOST_STEPS_A_TICK = 100
 
 Bags = dict[str, list[MessageId | Settled]]
 """What comes to each module in one step."""
@@ -46,6 +57,9 @@ class TimeMaster:
         Plants whose windows end by themselves where their reader acts, and how long these are otherwise.
     with_history
         Keep ``done``: in one process there is nobody who could have done something else.
+    forwarding
+        Say with one order what follows from messages to modules that only answer (:mod:`etac_ros.timing.relays`): for
+        whoever obeys all orders in one process, and without history. An attribute, too.
 
     Attributes
     ----------
@@ -67,6 +81,7 @@ class TimeMaster:
         windows: WindowPolicy,
         self_ending: Mapping[str, int] = MappingProxyType({}),
         with_history: bool = True,
+        forwarding: bool = False,
     ) -> None:
         self.tick = 0
         self.halted = ""
@@ -82,6 +97,11 @@ class TimeMaster:
         self._longest = windows.longest
         self._self_ending = self_ending
         self._with_history = with_history
+        self.forwarding = forwarding
+        self._relays = Relays(graph)
+        self._triggers = frozenset(
+            link.name for name in self.fired for link in graph.sends[name] if link.port == graph.modules[name].triggers
+        )
         self.done: dict[str, int] = dict.fromkeys(graph.modules, 0)
         self._numbers = Places(graph.links)
         self._knows_ticks = {name: knows_ticks(module) for name, module in graph.modules.items()}
@@ -90,7 +110,6 @@ class TimeMaster:
         self._ways = {name: _ways(link) for name, link in graph.links.items()}
         self._at_once = {name: tuple(link.receivers) for name, link in graph.links.items() if link.is_ideal}
         self._reads = {name: graph.reads.get(name, "") for name in graph.modules}
-        self._triggering = {name: module.triggers for name, module in graph.modules.items()}
         self._concludes = frozenset(name for name, module in graph.modules.items() if module.concludes)
         self._on_air = frozenset(name for name, link in graph.links.items() if link.medium or link.acknowledged)
         self._plants = frozenset(graph.plants)
@@ -119,6 +138,12 @@ class TimeMaster:
         """What has become of frames on the air since the last call."""
         return [] if self._air is None else self._air.take_log()
 
+    def skip_to_end(self, fired: Mapping[str, int], sent: Mapping[str, int]) -> None:
+        """Take a run for done that needed no orders: how often who fired, and what was sent on each link."""
+        self.tick = self._end
+        self.fired.update(fired)
+        self.sent.update(sent)
+
     def shorten_windows(self) -> None:
         """Open shorter windows from now on: these took too long. Only speed depends on it."""
         self._longest = max(1, min(self._longest, max(self._lengths.values(), default=1)) // 2)
@@ -146,7 +171,7 @@ class TimeMaster:
             if not self.is_halted():
                 # Whose input has changed, and whose window is used up.
                 renewed = [plant for plant in plants if plant in touched or self._proposals[plant] == tick]
-                touched.intersection_update(self._lookers)
+                touched = self._lookers.intersection(touched)
                 yield from self._look(tick, renewed, touched)
         if not self.is_halted():
             self.tick = end
@@ -188,7 +213,7 @@ class TimeMaster:
     def _later(self, tick: int) -> Bags:
         return self._calendar.setdefault(tick, defaultdict(list))
 
-    def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], set[str]]:
+    def _act(self, tick: int) -> Generator[Sequence[Order], Sequence[Report], Set[str]]:
         """Fire, then deliver step by step until nothing is in flight. Returns who acted or received."""
         due = [name for name, when in self._proposals.items() if when == tick and name not in self._plants]
         if len(due) > 1:
@@ -198,6 +223,10 @@ class TimeMaster:
             alone = len(due) == 1 and tick not in self._calendar and due[0] in self._concluding
             reports = yield [Fire(name, tick, self._epoch(name), alone) for name in asked]
             self._granted.update(zip(asked, reports, strict=True))
+        if self.forwarding and due and tick not in self._calendar:
+            relay = self._relay(due)
+            if relay is not None:
+                return (yield from self._forward(tick, due, relay))
         touched = set(due)
         arriving: Bags = self._calendar.pop(tick, {})
         concluded: dict[str, Report] = {}
@@ -215,7 +244,7 @@ class TimeMaster:
                 arriving.setdefault(name, [])
         step = 1
         while arriving or concluded:
-            if step > _MOST_STEPS_A_TICK:
+            if step > MOST_STEPS_A_TICK:
                 raise self._endless(tick, arriving)
             if len(arriving) == 1 and not concluded:
                 ((name, bag),) = arriving.items()
@@ -237,6 +266,39 @@ class TimeMaster:
                 self._note(name, answers[name], tick, step, arriving)
             step += 1
         return touched
+
+    def _relay(self, due: Sequence[str]) -> Relay | None:
+        """What follows from the acts of those who are due, where it is known beforehand."""
+        if not self._concludes.isdisjoint(due):
+            return None
+        sent = self._granted[due[0]].sent
+        for name in due[1:]:
+            sent += self._granted[name].sent
+        return self._relays.of(sent)
+
+    def _forward(
+        self, tick: int, due: Sequence[str], relay: Relay
+    ) -> Generator[Sequence[Order], Sequence[Report], Set[str]]:
+        """As :meth:`_act`, where all that follows is known beforehand."""
+        for name in due:
+            report = self._granted.pop(name)
+            del self._proposals[name]
+            if report.halt:
+                self._halt(name, report)
+            if not self._triggers.isdisjoint(report.sent):
+                self._last_fired[name] = tick
+                self.fired[name] += 1
+        (report,) = yield (Forward(due[0], tick, relay),)
+        messages = relay.messages
+        if report.halt and not self.halted:
+            self.halted = report.halt
+        if report.missing:
+            messages = tuple(one for place, one in enumerate(messages) if place not in report.missing)
+        sent, log = self.sent, self.message_log
+        for link, step in messages:
+            sequence = sent[link] = sent[link] + 1
+            log.append(Transit(link, sequence, tick, step))
+        return relay.touched.union(due)
 
     def _deliver(self, module: str, tick: int, step: int, bag: Sequence[MessageId | Settled]) -> Deliver:
         """The order to take what comes in one step."""
@@ -262,9 +324,8 @@ class TimeMaster:
         """Number what was sent and hand it to the channel: now, later or never."""
         if report.halt:
             self._halt(sender, report)
-        triggering = self._triggering[sender]
         for name in report.sent:
-            if triggering and self._graph.links[name].port == triggering and self._last_fired.get(sender, tick) != tick:
+            if name in self._triggers and self._last_fired[sender] != tick:
                 self._last_fired[sender] = tick
                 self.fired[sender] += 1
             sequence = self.sent[name] = self.sent[name] + 1
@@ -305,9 +366,12 @@ class TimeMaster:
         for plant, report in zip(plants, reports, strict=True):
             self._halt(plant, report)
 
-    def _look(self, tick: int, renewed: Sequence[str], touched: set[str] | frozenset[str]) -> Batches:
+    def _look(self, tick: int, renewed: Sequence[str], touched: Set[str]) -> Batches:
         """Commit the plants whose input changed or whose window is used up; let whom it concerns look again."""
         if not renewed and not touched:
+            return
+        if len(renewed) == 1 and touched <= self._looking[renewed[0]] and len(self._looking[renewed[0]]) == 1:
+            yield from self._look_alone(tick, renewed[0])
             return
         lookers = set(touched)
         for plant in renewed:
@@ -324,14 +388,7 @@ class TimeMaster:
                 self._propose(settled, reports)
             ordered = sorted(waiting or lookers, key=self._place.__getitem__)
         for plant in renewed:
-            self._lengths[plant] = self._next_length(plant, tick)
-            self._starts[plant] = tick
-            self._opened[plant] = self._opened.get(plant, 0) + 1
-            end = self._end
-            if self._last_before:
-                end = next((last for last in self._last_before if last > tick), end)
-            until = tick + self._lengths[plant]
-            self._proposals[plant] = until if until < end else end
+            self._renew(plant, tick)
         grant = self._grant(ordered[0]) if len(ordered) == 1 else -1
         orders: list[Order] = [Open(plant, tick, self._proposals[plant] - tick, grant) for plant in renewed]
         orders += [Look(name, tick, grant) for name in ordered]
@@ -342,6 +399,33 @@ class TimeMaster:
             if report.last is not None:
                 self._proposals[plant] = report.last
         self._propose(ordered, reports[len(renewed) :])
+
+    def _look_alone(self, tick: int, plant: str) -> Batches:
+        """As :meth:`_look`, where it concerns one plant and its only reader, as mostly."""
+        (reader,) = self._looking[plant]
+        self._proposals.pop(reader, None)
+        self._renew(plant, tick)
+        grant = self._grant(reader)
+        opened, looked = yield (Open(plant, tick, self._proposals[plant] - tick, grant), Look(reader, tick, grant))
+        if opened.halt:
+            self._halt(plant, opened)
+        if opened.last is not None:
+            self._proposals[plant] = opened.last
+        if looked.proposal is not None:
+            self._proposals[reader] = looked.proposal
+            if looked.fired:
+                self._granted[reader] = looked
+
+    def _renew(self, plant: str, tick: int) -> None:
+        """Open a window of a plant."""
+        length = self._lengths[plant] = self._next_length(plant, tick)
+        self._starts[plant] = tick
+        self._opened[plant] = self._opened.get(plant, 0) + 1
+        end = self._end
+        if self._last_before:
+            end = next((last for last in self._last_before if last > tick), end)
+        until = tick + length
+        self._proposals[plant] = until if until < end else end
 
     def _grant(self, module: str) -> int:
         """Last tick up to which a module may act without asking; if it has to be alone then, one tick less."""
@@ -380,7 +464,7 @@ class TimeMaster:
         links = sorted(set(going))
         return ProtocolError(
             where=f"links {', '.join(links)}",
-            found=f"after {_MOST_STEPS_A_TICK} steps the messages of tick {tick} still go round",
+            found=f"after {MOST_STEPS_A_TICK} steps the messages of tick {tick} still go round",
             expected="a loop of links has a delay somewhere",
             remedy="set delay_ticks of one of these links to 1 or more",
         )

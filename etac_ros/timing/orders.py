@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from etac_ros.timing.relays import Relay
+
 
 class MessageId(NamedTuple):
     """A message: its link and its sequence number on it (1, 2, ...), which is also its RTPS sequence number."""
@@ -67,6 +69,18 @@ class Deliver(NamedTuple):
     """What became of its own messages: known before what arrives. Alone, it is nothing to receive."""
 
 
+class Forward(NamedTuple):
+    """All modules that only answer: take what follows from the messages that have just been sent, in all its steps.
+
+    It stands for an order to deliver a module and step, where all are obeyed in one process.
+    """
+
+    module: str
+    """The first who has sent some of them."""
+    tick: int
+    relay: Relay
+
+
 class Close(NamedTuple):
     """Plant: commit up to ``tick``; the run ends there."""
 
@@ -74,7 +88,7 @@ class Close(NamedTuple):
     tick: int
 
 
-Order = Open | Look | Fire | Deliver | Close
+Order = Open | Look | Fire | Deliver | Forward | Close
 
 
 class Report(NamedTuple):
@@ -92,6 +106,11 @@ class Report(NamedTuple):
     """A watch asks to end the run at this tick, and why."""
     last: int | None = None
     """After Open: the last tick of the window, where it is shorter than was asked for."""
+    missing: tuple[int, ...] = ()
+    """After Forward: places in its messages of those that were not sent, since a watch has ended the run."""
+    compared: tuple[float, ...] | None = None
+    """What a module's rule compares with from now on, where a plant's windows may end by it: a hint. Empty while that
+    cannot be told; None where there is nothing new. Good for one act."""
 
 
 class Transit(NamedTuple):

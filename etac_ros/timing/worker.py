@@ -12,11 +12,14 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from etac_ros.errors import ProtocolError
 from etac_ros.graph.driver import Driver, Sent
 from etac_ros.graph.graph import Graph, Link
 from etac_ros.graph.module import Arrival, Window
 from etac_ros.graph.plant import PlantModule
+from etac_ros.maths.rk4 import Stop
 from etac_ros.parameters import FloatArray
 from etac_ros.timing.digest import Places, acted, carried, knows_ticks, received, settled
 from etac_ros.timing.duties import Duties
@@ -113,6 +116,8 @@ class ModuleWorker:
         self._arrived: deque[tuple[MessageId, int | None]] = deque()
         self._windows: deque[tuple[Window, int]] = deque()
         self._proposal: int | None = None
+        self._ends_windows = name in duties.acting.values()
+        self._compared: tuple[float, ...] = ()
 
     def on_message(self, link: Link, sequence: int, value: FloatArray, tick: int | None = None) -> None:
         """Take a message; the channel decides whether it counts."""
@@ -263,7 +268,18 @@ class ModuleWorker:
 
     def _tell(self, report: Report, tick: int, ahead: int | None) -> None:
         if self._reports:  # else the coordinator knows it beforehand
+            if self._ends_windows:
+                report = self._with_hint(report)
             self._emit(Tell(report, tick, ahead))
+
+    def _with_hint(self, report: Report) -> Report:
+        """A report that says what the module compares with, where it has acted or that is not as before."""
+        stop = self._driver.module.stop()
+        compared = () if stop is None else tuple(stop.compared.tolist())
+        if compared == self._compared and not report.sent:
+            return report
+        self._compared = compared
+        return report._replace(compared=compared)
 
     def _arrivals(self, messages: tuple[MessageId, ...]) -> tuple[Arrival, ...]:
         return tuple(
@@ -287,6 +303,9 @@ class ModuleWorker:
         return tuple(link.name for link, _ in sent)
 
 
+_OPENED = Report()
+
+
 class PlantWorker(ModuleWorker):
     """Drives a plant: opens windows and hands out what is committed.
 
@@ -302,14 +321,32 @@ class PlantWorker(ModuleWorker):
         assert isinstance(module, PlantModule)
         self.plant = module
         self.closed = False
+        self._reader = graph.modules[duties.acting[name]] if name in duties.acting else None
+        self._stop: Stop | None = None
+        self._untold = duties.untold
+
+    def expect(self, compared: Sequence[float]) -> None:
+        """Take a hint of what the reader compares with from now on, and so where the next window may end."""
+        assert self._reader is not None
+        self._stop = self._reader.stop_at(np.array(compared)) if compared else None
 
     def _obey(self, order: Order) -> None:
         match order:
             case Open(_, tick, length, grant):
                 self._commit(tick)
-                if not self.plant.halt:
-                    self._emit(Offer(self.plant.open(length), grant))
-                self._emit(Obeyed(Report(halt=self.plant.halt)))
+                if self.plant.halt:
+                    self._emit(Obeyed(Report(halt=self.plant.halt)))
+                    return
+                if self._reader is not None and self._stop is None:
+                    window = self.plant.open(min(length, self._untold))  # whoever cannot tell just now soon may
+                else:
+                    window = self.plant.open(length, self._stop)
+                report = _OPENED
+                if len(window.samples) < length:
+                    report = Report(last=window.last)
+                    self._stop = None  # good for one act: else a reader that does not act would see one sample a window
+                self._emit(Offer(window, grant))
+                self._emit(Obeyed(report))
             case Close(_, tick):
                 self._commit(tick)
                 self.closed = True

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from etac_ros.report.figures.style import WIDTH_IN, Theme, plain_logarithmic, rendered
+from etac_ros.report.figures import style
+from etac_ros.report.figures.style import WIDTH_IN, Theme, plain_logarithmic
 from etac_ros.tradeoff.curves import Tradeoff, envelope
 from etac_ros.tradeoff.layout import PERIODIC
 from etac_ros.tradeoff.points import TradePoint
@@ -22,7 +23,7 @@ _MARKS = ("o", "s", "D", "v")
 
 def picture(tradeoff: Tradeoff) -> bytes:
     """A PNG with two panels, for a light page; the same trade-off always gives the same bytes."""
-    return rendered(lambda figure, theme: _fill(figure, theme, tradeoff), (WIDTH_IN, _HEIGHT_IN)).light
+    return style.picture(lambda figure, theme: _fill(figure, theme, tradeoff), (WIDTH_IN, _HEIGHT_IN))
 
 
 def _fill(figure: Figure, theme: Theme, tradeoff: Tradeoff) -> None:

@@ -16,6 +16,7 @@ from etac_ros.engines.ros.domain import DOMAIN_VARIABLE
 from etac_ros.engines.ros.endpoints import LATCHED, Spinner
 from etac_ros.engines.ros.foreign import Foreign
 from etac_ros.engines.ros.messages import open_note
+from etac_ros.engines.ros.own_code import own_code
 from etac_ros.engines.ros.plan import COORDINATOR, Plan
 from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.errors import RunError
@@ -180,8 +181,13 @@ class Convener(RunNode):
                 f"node {name}",
                 f"was started with another scenario ('{join['scenario']}', {join['digest']})",
                 f"'{self.plan.scenario}', {self.plan.digest}",
-                "start all nodes with the file that `etac resolve` prints",
+                "start all nodes with the file that `etac resolve` prints, and with the same code of its classes",
             )
+        if not self.plan.token and (theirs := join.get("code", "")) != own_code():
+            raise RunError(
+                f"node {name}", f"is of another etac_ros ({theirs or 'unknown'})", f"{own_code()}, as {COORDINATOR}",
+                "install the same version on all machines",
+            )  # fmt: skip
         if (theirs := join.get("clock", "")) != self.plan.clock:
             raise RunError(
                 f"node {name}",

@@ -22,7 +22,7 @@ from etac_ros.errors import RunError
 from etac_ros.graph.graph import Link
 from etac_ros.graph.topics import MESSAGE_LOG, RECORDED, go_topic, next_topic
 from etac_ros.maths.ticks import NANOSECONDS, nanoseconds
-from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Effect
+from etac_ros.timing.dispatcher import Call, Command, Dispatcher, Effect, Hint
 from etac_ros.timing.master import TimeMaster
 from etac_ros.timing.orders import Report
 
@@ -60,7 +60,8 @@ class CoordinatorNode(Convener):
         on_progress: Progress,
     ) -> None:
         super().__init__(plan, spinner, context)
-        self.master = TimeMaster(plan.graph, plan.windows_ahead)
+        ahead = plan.windows_ahead
+        self.master = TimeMaster(plan.graph, ahead, dict.fromkeys(plan.duties.acting, ahead.longest))
         self._dispatcher = Dispatcher(plan.graph, plan.duties, self.master, self._on_effect, self._on_step)
         self._plants = plants
         self._on_progress = on_progress
@@ -186,6 +187,8 @@ class CoordinatorNode(Convener):
                 self._go[module].publish(self.note([order_note(order) for order in orders]))
             case Call(plant, order):
                 self._plants[plant].obey(order)
+            case Hint(plant, compared):
+                self._plants[plant].expect(compared)
             case _:
                 self.end("")
 

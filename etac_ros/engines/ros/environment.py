@@ -22,6 +22,9 @@ _RMW_VARIABLE = "RMW_IMPLEMENTATION"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _SKIP_LOCAL_PROFILE = "SKIP_DEFAULT_XML_FILE"
+_PEERS = "ETAC_ROS_PEERS"
+MOST_PEERS = 110
+"""Participants on one machine that find each other where nobody knows how many there are."""
 _LOCAL_PROFILE = "DEFAULT_FASTRTPS_PROFILES.xml"
 _SECURITY = "ROS_SECURITY_ENABLE"
 
@@ -43,7 +46,9 @@ SET_ASIDE = (
 """Variables that the processes of a launched run do not get."""
 
 
-def dds_environment(domain: int, private: bool = False, machines: Machines | None = None) -> dict[str, str]:
+def dds_environment(
+    domain: int, private: bool = False, machines: Machines | None = None, peers: int = MOST_PEERS
+) -> dict[str, str]:
     """Environment variables with which a process joins a run in the domain.
 
     Parameters
@@ -55,6 +60,8 @@ def dds_environment(domain: int, private: bool = False, machines: Machines | Non
         forget it; elsewhere it is forgotten after four seconds, which is how its end is noticed.
     machines
         Those that the run is spread over; None keeps to this one.
+    peers
+        Places on a machine at which a private run looks for participants.
     """
     name = "fastdds_profile_launched.xml" if private else "fastdds_profile.xml"
     return {
@@ -63,16 +70,21 @@ def dds_environment(domain: int, private: bool = False, machines: Machines | Non
         _RMW_VARIABLE: RMW,
         _PROFILES: str(files("etac_ros.engines.ros").joinpath(name)) if machines is None else machines.profile(name),
         _SKIP_LOCAL_PROFILE: "1",
+        **({_PEERS: str(min(peers, MOST_PEERS))} if private else {}),
     }
 
 
 def enter_launched_run(
-    environment: MutableMapping[str, str], domain: int, private: bool, machines: Machines | None = None
+    environment: MutableMapping[str, str],
+    domain: int,
+    private: bool,
+    machines: Machines | None = None,
+    peers: int = MOST_PEERS,
 ) -> None:
     """Make the environment of a process that of a launched run. Before rclpy is initialised there."""
     for name in SET_ASIDE:
         environment.pop(name, None)
-    environment.update(dds_environment(domain, private, machines))
+    environment.update(dds_environment(domain, private, machines, peers))
 
 
 def without_effect(environment: Mapping[str, str], folder: Path) -> list[str]:

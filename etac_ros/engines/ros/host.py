@@ -108,6 +108,8 @@ class Host:
         How the launcher that started this process sees it; None for a node started by hand.
     on_begin
         In real time: told the instant of tick 0 on the wall clock [ns], where the coordinator is played.
+    ready_sink
+        Readies what ``open_sink`` needs, where the recorder is played; called before it joins.
 
     Attributes
     ----------
@@ -124,6 +126,7 @@ class Host:
         patient: bool = True,
         supervised: Supervised | None = None,
         on_begin: Callable[[int], None] = lambda start_ns: None,
+        ready_sink: Callable[[], None] = lambda: None,
     ) -> None:
         self._plan = plan
         self._names = names
@@ -132,6 +135,7 @@ class Host:
         self._patient = patient
         self._supervised = supervised
         self._on_begin = on_begin
+        self._ready_sink = ready_sink
         self.ended_by: int | None = None
         self._roll_call = 0.0
         self._next_look = 0.0
@@ -155,6 +159,8 @@ class Host:
             If this node failed, or was told of another's failure.
         """
         self._hear_signals()
+        if RECORDER in self._names:
+            self._ready_sink()  # as long as it has the same share of the processors as the others
         self._before_threads()
         context = Context()
         try:
@@ -170,6 +176,7 @@ class Host:
                 may_keep_apart(os.environ, Path.cwd()),
             ) from None
         try:
+            self._make_ready()
             self._join()
             self._take_part()
         except BaseException as error:
@@ -208,6 +215,13 @@ class Host:
                 self._nodes.append(plants[name])
             else:
                 self._nodes.append(ModuleNode(self._plan, name, self._spinner, context))
+
+    def _make_ready(self) -> None:
+        """Called while DDS looks for the others, when there is nothing else to do."""
+        if self._plan.prepare is not None and RECORDER in self._names:
+            self._plan.prepare()
+        if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
+            self._plan.rehearse()
 
     def _join(self) -> None:
         waiting = list(self._nodes)

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from etac_ros.engines.ros.coordinator import Progress
 from etac_ros.engines.ros.count_check import Outcome
-from etac_ros.engines.ros.environment import enter_launched_run
+from etac_ros.engines.ros.environment import MOST_PEERS, enter_launched_run
 from etac_ros.engines.ros.host import EndedByOthers, Supervised, leave_process
 from etac_ros.engines.ros.limits import enough_files, limits_in_force, refused_by_system
 from etac_ros.engines.ros.liveness import LOOK_EVERY_S, LifeSigns, Watch, fresh_s, glimpse
@@ -48,6 +48,8 @@ from etac_ros.timing.membership import birth_ns, restarts_of
 
 MOST_PROCESSES = 100
 """A little less than the ``maxInitialPeersRange`` of the Fast DDS profile: foreign tools join, too."""
+_GUESTS = 8
+"""Tools of ROS that may have joined the domain of a run before its last process, and have taken a place."""
 _END_S = 5.0
 """How long a process may take to save what it has before it is killed."""
 _LOOKS_S = 0.5
@@ -76,6 +78,11 @@ def groups(plan: Plan, processes: Processes, names: Sequence[str]) -> list[tuple
             key = ""
         grouped.setdefault(f"{name == RECORDER}{key}", []).append(name)
     return [tuple(names) for names in grouped.values()]
+
+
+def load() -> None:
+    """Load what every process of a run needs: once before a fork instead of in each."""
+    preload()
 
 
 @dataclass
@@ -119,6 +126,10 @@ class Launcher:
         Keeps signals for the moments at which a run can be ended; None where nobody does.
     machines
         Those that the run is spread over; None keeps to this one.
+    ready_sink
+        Readies what ``open_sink`` needs, in the recorder's process, while the others join.
+    own_domain
+        Whether the domain was taken for this run, so that nobody else was there first.
 
     Attributes
     ----------
@@ -137,6 +148,8 @@ class Launcher:
         on_start: Callable[[dict[str, int]], None],
         guard: SignalGuard | None = None,
         machines: Machines | None = None,
+        ready_sink: Callable[[], None] = lambda: None,
+        own_domain: bool = False,
     ) -> None:
         self.started_s = 0.0
         self._guard = guard or SignalGuard()
@@ -156,10 +169,12 @@ class Launcher:
         self._patient = only is not None or bool(plan.graph.external)
         self._domain = domain
         self._machines = machines
+        self._own_domain = own_domain
         self._deeds: deque[_Deed] = deque()
         self._wall: WallClock
         self._stand_ins: dict[str, _Child] = {}
         self._open_sink = open_sink
+        self._ready_sink = ready_sink
         self._on_progress = on_progress
         self._children: list[_Child] = []
         self._signs = LifeSigns(len(self._groups), fresh_s(plan.quiet_s))
@@ -197,7 +212,7 @@ class Launcher:
         return outcome
 
     def _start(self) -> None:
-        preload()
+        load()
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
                 stream.flush()
@@ -205,7 +220,8 @@ class Launcher:
         names: tuple[str, ...] = ()
         try:
             with enough_files(len(self._groups)):
-                for place, names in enumerate(self._groups):
+                # The recorder first: it has most to ready, and can do so while the others are being forked.
+                for place, names in sorted(enumerate(self._groups), key=lambda group: RECORDER not in group[1]):
                     self._guard.check()
                     self._children.append(self._fork(place, names))
                 for fault in self._plan.faults:
@@ -230,7 +246,10 @@ class Launcher:
         fork = multiprocessing.get_context("fork")
         ours, theirs = fork.Pipe(duplex=fault is not None)
         supervised = Supervised(os.getpid(), self._signs, place)
-        task = _Task(self._plan, names, self._open_sink, self._domain, self._patient, supervised, self._machines, fault)
+        sink = (self._open_sink, self._ready_sink)
+        # In a domain that somebody has chosen there may be others, who were there first.
+        peers = len(self._groups) + _GUESTS if self._own_domain else MOST_PEERS
+        task = _Task(self._plan, names, *sink, self._domain, self._patient, supervised, self._machines, peers, fault)
         process = fork.Process(target=_play, args=(task, theirs))
         process.daemon = True
         with held_back():
@@ -405,10 +424,12 @@ class _Task:
     plan: Plan
     names: tuple[str, ...]
     open_sink: Callable[..., Sink]
+    ready_sink: Callable[[], None]
     domain: int
     patient: bool
     supervised: Supervised
     machines: Machines | None
+    peers: int
     fault: Fault | None = None
     """That which makes room for this process; None of one that is there from the start."""
 
@@ -442,7 +463,7 @@ def _ending(exitcode: int | None) -> str:
 
 def _play(task: _Task, pipe: Connection) -> None:
     """What a child process does."""
-    enter_launched_run(os.environ, task.domain, not task.patient, task.machines)
+    enter_launched_run(os.environ, task.domain, not task.patient, task.machines, task.peers)
     label = f"node {', '.join(task.names)}"
     plan = task.plan if task.fault is None else replace(task.plan, birth=_sleep_until_born(task.supervised, pipe))
 
@@ -454,7 +475,8 @@ def _play(task: _Task, pipe: Connection) -> None:
 
     try:
         kind = host_of(plan)
-        host = kind(plan, task.names, task.open_sink, on_progress, task.patient, task.supervised, on_begin)
+        told = (on_progress, task.patient, task.supervised, on_begin)
+        host = kind(plan, task.names, task.open_sink, *told, task.ready_sink)
         outcome = host.run()
     except EtacError as error:
         _tell(pipe, "fault", error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -164,6 +164,10 @@ class PlantNode(ModuleNode):
     def obey(self, order: Order) -> None:
         """Obey an order as soon as the messages that it names are here."""
         self.worker.on_orders([order])
+
+    def expect(self, compared: Sequence[float]) -> None:
+        """Take a hint of what its reader compares with from now on."""
+        self._plant_worker().expect(compared)
 
     def drained(self) -> bool:
         """Whether the last order has been obeyed."""

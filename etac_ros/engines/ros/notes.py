@@ -13,7 +13,7 @@ _ORDERS: dict[str, type[Open | Look | Fire | Deliver | Close]] = {
     "deliver": Deliver,
     "close": Close,
 }
-_NAMES = {kind: name for name, kind in _ORDERS.items()}
+_NAMES: dict[type[Order], str] = {kind: name for name, kind in _ORDERS.items()}
 
 
 def order_note(order: Order) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def read_order(content: dict[str, Any]) -> Order:
 
 def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
     """A report. ``ahead`` is the module's next own act after what it did, looked up unasked."""
-    return {
+    note = {
         "tick": tick,
         "sent": report.sent,
         "proposal": report.proposal,
@@ -46,16 +46,20 @@ def report_note(report: Report, tick: int, ahead: int | None) -> dict[str, Any]:
         "halt": report.halt,
         "ahead": ahead,
     }
+    if report.compared is not None:
+        note["compared"] = report.compared
+    return note
 
 
 def read_report(content: dict[str, Any]) -> tuple[Report, int, int | None]:
     """The report in a note, the tick that it is about, and what the module saw ahead."""
-    concluded = content["concluded"]
+    concluded, compared = content["concluded"], content.get("compared")
     report = Report(
         tuple(content["sent"]),
         content["proposal"],
         content["fired"],
         None if concluded is None else tuple(concluded),
         content["halt"],
+        compared=None if compared is None else tuple(compared),
     )
     return report, content["tick"], content["ahead"]

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from etac_ros.engines.ros.endpoints import Callback, Publisher, Reader, Spinner, Subscription
 from etac_ros.engines.ros.messages import read_note, write_note
+from etac_ros.engines.ros.own_code import own_code
 from etac_ros.engines.ros.plan import COORDINATOR, RECORDER, Plan
 from etac_ros.engines.ros.public import show_parameters
 from etac_ros.graph.graph import USUAL_QOS, Qos
@@ -181,6 +182,8 @@ class RunNode:
             "clock": self.plan.clock,
             "pid": os.getpid(),
         }
+        if not self.plan.token:
+            words["code"] = own_code()
         if self.plan.wall is not None:
             words["rate"] = str(self.plan.wall.rate)
         if self.plan.birth is not None:

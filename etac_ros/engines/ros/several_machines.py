@@ -15,9 +15,11 @@ import socket
 import struct
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from etac_ros.engines.ros.domain import last_port
@@ -27,6 +29,10 @@ ANSWERS_WITHIN_S = 4.0
 """How long a peer may take to answer or to be missed: resolving an address in vain takes Linux three seconds."""
 _NAMESPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
 _GET_ADDRESS = 0x8915  # SIOCGIFADDR
+_GET_FLAGS = 0x8913  # SIOCGIFFLAGS
+_UP, _RUNNING = 0x1, 0x40  # IFF_UP, IFF_RUNNING
+_LINK_WITHIN_S = 10.0
+_LOOK_EVERY_S = 0.02
 _TELL_ERRORS = 11  # IP_RECVERR: also those that may pass
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 
@@ -91,7 +97,7 @@ def machines_of(peers: str | None, interface: str | None) -> Machines | None:
     Raises
     ------
     ScenarioError
-        If a name is unknown, there is no such interface, or no way to a peer.
+        If a name is unknown, there is no such interface, it has no link, or no way leads to a peer.
     """
     if peers is None and interface is None:
         return None
@@ -100,6 +106,7 @@ def machines_of(peers: str | None, interface: str | None) -> Machines | None:
         raise ScenarioError(f"--peers {peers}", "names nobody", "addresses with commas between, and no spaces")
     found = [_resolved(name) for name in names]
     address = _address_towards(found[0]) if interface is None else _address_of(interface)
+    _check_link(address)
     return Machines(address, tuple(peer for peer in dict.fromkeys(found) if peer != address))
 
 
@@ -204,6 +211,43 @@ def _address_of(interface: str) -> str:
                 f"--interface {interface}", "is no interface or address of this machine", f"an address, or {known}"
             ) from None
         return interface
+
+
+def _check_link(address: str) -> None:
+    """Wait until something can be sent from an address: DDS would leave it out, and its nodes wait for ever.
+
+    Linux says late of a link that has just come up that it runs: a second, or more on a busy machine.
+    """
+    deadline = time.monotonic() + _LINK_WITHIN_S
+    while (down := _without_link(address)) is not None:
+        if not down.may_come or time.monotonic() > deadline:
+            raise ScenarioError(
+                f"interface {down.interface} ({address})", "is down, or has no link", "a network that is there",
+                f"`ip link set {down.interface} up`, the cable, or --interface with another one",
+            )  # fmt: skip
+        time.sleep(_LOOK_EVERY_S)
+
+
+class _Down(NamedTuple):
+    interface: str
+    may_come: bool
+    """It is set up, and has no link yet."""
+
+
+def _without_link(address: str) -> _Down | None:
+    """The interface with that address, if nothing can be sent from it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            try:
+                if socket.inet_ntoa(fcntl.ioctl(asking, _GET_ADDRESS, request)[20:24]) != address:
+                    continue
+                (flags,) = struct.unpack_from("H", fcntl.ioctl(asking, _GET_FLAGS, request), 16)
+            except OSError:  # without an IPv4 address, or gone
+                continue
+            if not flags & _RUNNING:
+                return _Down(name, bool(flags & _UP))
+    return None
 
 
 def _profile(text: str, machines: Machines) -> bytes:

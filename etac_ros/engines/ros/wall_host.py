@@ -65,6 +65,9 @@ class WallHost(Host):
         self._rehearsals = Rehearsals(self._plan, self._names)
         self._rehearsals.rehearse_alone()
 
+    def _make_ready(self) -> None:
+        """It is, before DDS has threads."""
+
     def _take_part(self) -> None:
         assert self._plan.wall is not None
         only_listens = list(self._names) == [RECORDER]

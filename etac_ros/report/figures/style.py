@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from etac_ros.report.beside import Work, here
+from etac_ros.beside import Elsewhere, Work, here
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,26 +100,43 @@ DARK = Theme(
 )
 
 
+class Pictures(NamedTuple):
+    """PNG files of a figure: to stand alone, and for a light and a dark page, empty where a page shows none."""
+
+    alone: bytes
+    light: bytes
+    dark: bytes
+
+
 @dataclass(frozen=True)
 class Rendered:
-    """PNG files of a figure: for a light and a dark page, and to stand alone; and the light figure itself."""
+    """A figure in the light theme, and what hands out its pictures, which may be made elsewhere: whoever asks waits."""
 
-    light: bytes
-    alone: bytes
     figure: Figure
-    drawn_dark: Work
+    pictures: Work[Pictures]
+
+    @property
+    def alone(self) -> bytes:
+        """PNG file that stands alone."""
+        return self.pictures().alone
+
+    @property
+    def light(self) -> bytes:
+        """PNG file for a light page."""
+        return self.pictures().light
 
     @property
     def dark(self) -> bytes:
-        """Waits for it, where it is drawn elsewhere."""
-        return self.drawn_dark()
+        """PNG file for a dark page."""
+        return self.pictures().dark
 
 
 def rendered(
     draw: Callable[[Figure, Theme], None],
     size_in: tuple[float, float],
     alone_dpi: int = PAGE_DPI,
-    elsewhere: Callable[[Work], Work] = here,
+    elsewhere: Elsewhere = here,
+    is_shown_as_data: Callable[[Figure], bool] = lambda figure: False,
 ) -> Rendered:
     """Draw a figure; the same drawing always gives the same bytes.
 
@@ -132,22 +149,38 @@ def rendered(
     alone_dpi
         Pixels an inch of the file that stands alone, which is light.
     elsewhere
-        Who draws it in the dark.
+        Who makes the pictures of it.
+    is_shown_as_data
+        Whether a page shows the filled figure by its data, so that it takes no picture of it.
     """
     with _look(LIGHT):
         figure = _filled(draw, size_in, LIGHT)
-        light = _png(figure)
-        alone = light
-        if alone_dpi != PAGE_DPI:
-            figure.set_layout_engine("none")
-            figure.set_dpi(alone_dpi)
-            alone = _png(figure)
+    for_page = not is_shown_as_data(figure)
 
-    def in_the_dark() -> bytes:
+    def pictures() -> Pictures:
+        with _look(LIGHT):
+            if for_page or alone_dpi == PAGE_DPI:
+                light = _png(figure)
+            else:
+                figure.draw_without_rendering()  # lays it out as it would be on a page
+            if alone_dpi == PAGE_DPI:
+                alone = light
+            else:
+                figure.set_layout_engine("none")
+                figure.set_dpi(alone_dpi)
+                alone = _png(figure)
+        if not for_page:
+            return Pictures(alone, b"", b"")
         with _look(DARK):
-            return _png(_filled(draw, size_in, DARK, like=figure))
+            return Pictures(alone, light, _png(_filled(draw, size_in, DARK, like=figure)))
 
-    return Rendered(light, alone, figure, elsewhere(in_the_dark))
+    return Rendered(figure, elsewhere(pictures))
+
+
+def picture(draw: Callable[[Figure, Theme], None], size_in: tuple[float, float]) -> bytes:
+    """PNG file of a figure for a light page; the same drawing always gives the same bytes."""
+    with _look(LIGHT):
+        return _png(_filled(draw, size_in, LIGHT))
 
 
 def vector_files(draw: Callable[[Figure, Theme], None], size_in: tuple[float, float]) -> dict[str, bytes]:

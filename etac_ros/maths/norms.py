@@ -1,0 +1,23 @@
+"""Euclidean norms of many short vectors: the bits of numpy's, which takes three times as long for rows of three."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from etac_ros.parameters import FloatArray
+
+
+def row_norms(vectors: FloatArray) -> FloatArray:
+    """Norm of each vector of three components.
+
+    Parameters
+    ----------
+    vectors
+        Shape (..., 3).
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
