@@ -125,12 +125,12 @@ def warm_up(scenario: Scenario) -> None:
     InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
 
 
-def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] | None:
-    """What each process of a run goes through before it joins; nothing where that costs more than it gains.
+def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
+    """What each process of a run in simulated time goes through before it joins.
 
-    Classes of a user are built and called for their run alone: they may print, or move hardware. Real time has its own.
+    Classes of a user are built and called for their run alone: they may print, or move hardware.
     """
-    if wall is not None or foreign_classes(scenario.classes):
+    if foreign_classes(scenario.classes):
         return None
     from etac_ros.engines.ros.rehearsal import Rehearsal
 
@@ -139,14 +139,6 @@ def _rehearsal(scenario: Scenario, wall: RealTime | None) -> Callable[[], None] 
         Rehearsal(scenario.build(), windows_of(scenario)).run(deadline_s)
 
     return rehearse
-
-
-def _describe_in_vain(scenario: Scenario, graph: Graph) -> None:
-    """Go through what opening a bag takes the first time, which is when a run begins."""
-    scenario.text.encode()
-    to_json(describe_run(graph, {}))
-    for topic in recorded_topics(graph):
-        offered_qos_yaml(topic.reliability.value, topic.latched)
 
 
 def _played_in_real_time(graph: Graph) -> Graph:
@@ -768,8 +760,7 @@ def run_over_ros(
         faults,
         parameters=parameters_of(scenario) if options.parameters else None,
         told=scenario.told,
-        rehearse=_rehearsal(scenario, wall),
-        prepare=partial(_describe_in_vain, scenario, graph),
+        rehearse=None if wall is not None else _rehearsal(scenario),
         anew=anew_in_real_time(scenario, wall),
     )
     extra: tuple[TopicDescription, ...] = ()
@@ -873,6 +864,8 @@ class _Opener:
         for topic in (*recorded_topics(self.graph), *self.extra, *shown):
             schema_text(topic.type_name)
             type_hash(topic.type_name)
+            offered_qos_yaml(topic.reliability.value, topic.latched)
+        to_json(describe_run(self.graph, {}))
 
     def open(self, wall: WallClock | None = None) -> RunBag:
         """Create it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,26 @@ ENTRY = "from etac_ros.cli.entry import leave, spare_what_is_imported\n"
 def ended(code: str) -> tuple[int, str, str]:
     done = subprocess.run([sys.executable, "-c", ENTRY + code], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("collected", ["", "gc.collect()"])
+def test_an_end_keeps_what_a_class_has_written_to_a_file_that_it_leaves_open(tmp_path: Path, collected: str) -> None:
+    path = tmp_path / "notes.csv"
+    code = f"""
+import gc
+spare_what_is_imported()
+class Noting:
+    def __init__(self):
+        self.me, self.notes = self, open({str(path)!r}, "w")
+        self.notes.write("1, 2")
+def main():
+    noting = Noting()
+    {collected}
+main()
+leave(3)
+"""
+    assert ended(code) == (3, "", "")
+    assert path.read_text() == "1, 2"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import enum
+from collections import namedtuple
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -41,18 +43,32 @@ def apply(x):
 """
 
 
+MADE_TWICE = """
+def multiply(k):
+    def by(x):
+        return x * k
+    return by
+one, two = multiply(1.0), multiply(2.0)
+again = lambda x: one(x) + two(x) + chosen(x)
+chosen = """
+"""Functions of one name."""
+NAMED = "P = namedtuple('P', '{} {}')\np = P(1.0, 2.0)\nagain = lambda x: p.a"
+STRUCTURED = "t = np.zeros(1, dtype=[('{}', 'f8'), ('{}', 'f8')])\nagain = lambda x: t[0].a"
+USED = "from numba import extending, float64, guvectorize, njit, types, vectorize, cfunc\n{}\nagain = lambda x: g(x)"
+
+
 def made(source: str = SOURCE, deep: str = DEEP) -> dict[str, Any]:
     """The names of a module that has been made anew, with a package that it uses."""
     lib, below = ModuleType("lib"), ModuleType("lib.deep")
     exec(deep, vars(below))
     lib.deep = below  # type: ignore[attr-defined]
-    names: dict[str, Any] = {"__name__": "own"}
+    names: dict[str, Any] = {"__name__": "own", "np": np, "enum": enum, "namedtuple": namedtuple}
     exec(source.replace("import lib", ""), names)
     names["lib"] = lib
     return names
 
 
-def of(names: dict[str, Any]) -> str:
+def of(names: dict[str, Any]) -> str | None:
     return fingerprint(names["again"])
 
 
@@ -96,3 +112,37 @@ def test_values_that_a_function_has_closed_over_count() -> None:
     values = [1.0, 2.0, np.array([1.0]), np.array([1]), (1.0,), closing(1.0), closing(2.0), fingerprint]
     assert len({fingerprint(closing(value)) for value in values}) == len(values)
     assert fingerprint(closing(np.array([1.0]))) == fingerprint(closing(np.array([1.0])))
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("g = lambda a, b: len(b)\nagain = lambda x: g(1, x)", "g = lambda a, *b: len(b)\nagain = lambda x: g(1, x)"),
+        (MADE_TWICE + "one", MADE_TWICE + "two"),
+        (NAMED.format("a", "b"), NAMED.format("b", "a")),
+        (STRUCTURED.format("a", "b"), STRUCTURED.format("b", "a")),
+        *(
+            (source.format("1"), source.format("2"))
+            for source in [
+                "class Mode(enum.IntEnum):\n    A = {}\nagain = lambda x: x + Mode.A",
+                "d = {{'a': np.arange(2000) * {}}}\nagain = lambda x: d['a']",
+                USED.format("g = vectorize(lambda x: x * {})"),
+                USED.format("g = guvectorize(['(float64[:], float64[:])'], '(n)->(n)')(lambda x, o: o.fill({}))"),
+                USED.format("g = cfunc('float64(float64)')(lambda x: x * {})"),
+                USED.format("g = lambda x: None\nextending.overload(g)(lambda x: lambda x: x * {})"),
+                USED.format("g = extending.intrinsic(lambda context, x: (x(x), {}))"),
+                USED.format("g = njit(fastmath={} == 1)(lambda x: x)"),
+            ]
+        ),
+    ],
+)
+def test_it_differs_by_all_that_numba_builds_in(before: str, after: str) -> None:
+    first, second = of(made(before)), of(made(after))
+    assert None not in (first, second)
+    assert first != second
+    assert of(made(before)) == first
+
+
+@pytest.mark.parametrize("value", ["Own()", "Own", "[].append", "np.array([None])"])
+def test_there_is_none_of_what_is_not_known_through_and_through(value: str) -> None:
+    assert of(made(f"class Own:\n    value = 1.0\nk = {value}\nagain = lambda x: k")) is None

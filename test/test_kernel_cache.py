@@ -75,6 +75,15 @@ def test_what_cannot_be_kept_is_compiled_anew_each_time(tmp_path: Path) -> None:
     assert files.load("key") is None
 
 
+def test_what_who_was_killed_has_left_goes_like_the_rest(tmp_path: Path) -> None:
+    left = tmp_path / "f.0123.nbcxyz"
+    left.write_text("half")
+    os.utime(left, (0, 0))
+    for version in range(40):
+        KernelFiles(tmp_path, "f", str(version)).save("key", version)
+    assert not left.exists()
+
+
 def test_names_of_any_length_make_files(tmp_path: Path) -> None:
     long = [KernelFiles(tmp_path, "f" * 400 + end, "1") for end in "ab"]
     for number, files in enumerate(long):
@@ -89,6 +98,21 @@ from etac_ros.maths.compiled import inlined
 @inlined
 def scaled(value):
     return value * own_constants.factor
+"""
+
+UNKNOWN = """
+from numba import float64
+from numba.experimental import jitclass
+from etac_ros.maths.compiled import kernel
+
+@jitclass([("factor", float64)])
+class Law:
+    def __init__(self):
+        self.factor = {}
+
+@kernel
+def formed(a):
+    return Law().factor * a[0]
 """
 
 LAW = """
@@ -126,3 +150,13 @@ def test_code_follows_every_file_that_it_is_made_of_and_what_was_imported_of_it(
     assert printed() == "2.0 False"
     (tmp_path / "own_helper.py").write_text(HELPER.replace("return value", "return 1.0 + value"))
     assert printed() == "3.0 True"
+
+
+@pytest.mark.slow
+def test_what_is_not_known_through_and_through_is_compiled_each_time(tmp_path: Path) -> None:
+    for factor in (0.5, 0.25):
+        (tmp_path / "own_law.py").write_text(UNKNOWN.format(factor))
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+        command = [sys.executable, "-c", "import numpy, own_law\nprint(own_law.formed(numpy.array([8.0])))"]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert float(done.stdout) == 8.0 * factor

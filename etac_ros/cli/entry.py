@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import atexit
+import fcntl
 import gc
+import io
 import os
+import stat
 import sys
 import threading
 from contextlib import suppress
@@ -13,6 +16,7 @@ from typing import Any
 INTERRUPTED = 130
 _IMPORTED = 300_000
 """More objects than the imports of any command make."""
+_USUAL = gc.get_threshold()
 
 
 def main() -> None:
@@ -38,26 +42,26 @@ def spare_what_is_imported() -> None:
 
     What is imported stays to the end. To look through it again and again, as it grows, was a tenth of what a run took.
     """
-    usual = gc.get_threshold()
+    gc.callbacks.append(_begin)
+    gc.set_threshold(_IMPORTED, *_USUAL[1:])
 
-    def begin(phase: str, info: dict[str, int]) -> None:
-        gc.callbacks.remove(begin)
-        gc.set_threshold(*usual)
-        gc.freeze()
 
-    gc.callbacks.append(begin)
-    gc.set_threshold(_IMPORTED, *usual[1:])
+def _begin(phase: str, info: dict[str, int]) -> None:
+    gc.callbacks.remove(_begin)
+    gc.set_threshold(*_USUAL)
+    gc.freeze()
 
 
 def leave(code: Any) -> None:
     """End this process: as Python would, but without taking down module by module what the system takes down at once.
 
-    That was a fifth of what a run took, after all had been said. Whatever is not as simple as that, a thread that is
-    to be waited for or an exit code in words, is left to Python.
+    That was a fifth of what a run took, after all had been said. Whatever is not as simple as that is left to Python: a
+    thread that is to be waited for, an exit code in words, or a file that somebody's class writes and does not close.
     """
-    if not isinstance(code, int | None) or any(
-        not thread.daemon for thread in threading.enumerate() if thread is not threading.current_thread()
-    ):
+    written = _is_written()
+    if written:
+        _flush_files()
+    if written or not isinstance(code, int | None) or _is_waited_for():
         sys.exit(code)
     with suppress(KeyboardInterrupt):  # it is over: there is nothing left to interrupt
         atexit._run_exitfuncs()
@@ -65,3 +69,38 @@ def leave(code: Any) -> None:
         with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
             stream.flush()
     os._exit((code or 0) & 0xFF)
+
+
+def _is_waited_for() -> bool:
+    return any(not thread.daemon for thread in threading.enumerate() if thread is not threading.current_thread())
+
+
+def _is_written() -> bool:
+    """Whether a file or a device is open that this process has opened for writing: Python may hold the last of it."""
+    with suppress(OSError):
+        return any(_is_own_output(int(number)) for number in os.listdir("/proc/self/fd"))
+    return True
+
+
+def _flush_files() -> None:
+    """Write what files hold back. Python would not in any case: not where they are part of a circle of objects."""
+    if _begin in gc.callbacks:
+        gc.callbacks.remove(_begin)
+    gc.unfreeze()  # what is frozen is not listed, and would not go at Python's end
+    files = gc.get_objects()
+    for kind in (io.TextIOWrapper, io.BufferedIOBase):  # the former write to the latter
+        for file in files:
+            if isinstance(file, kind):
+                with suppress(OSError, ValueError):  # closed
+                    file.flush()
+
+
+def _is_own_output(number: int) -> bool:
+    try:
+        if not fcntl.fcntl(number, fcntl.F_GETFD) & fcntl.FD_CLOEXEC:  # so Python opens; this one came from outside
+            return False
+        readable = fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
+        mode = os.fstat(number).st_mode
+    except OSError:  # closed meanwhile: that of the listing itself
+        return False
+    return not readable and (stat.S_ISREG(mode) or stat.S_ISCHR(mode))

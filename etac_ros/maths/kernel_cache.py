@@ -78,7 +78,7 @@ class KernelFiles:
 
     def _forget_older(self) -> None:
         """Remove what has not been used for longest, as of earlier versions. Who wants it then compiles."""
-        files = list(self._folder.glob(f"{glob.escape(self._function)}.*.nbc"))
+        files = list(self._folder.glob(f"{glob.escape(self._function)}.*.nbc*"))  # and of who was killed
         if len(files) > _MOST:
             for path in sorted(files, key=lambda path: path.stat().st_mtime_ns)[: len(files) - _MOST]:
                 path.unlink(missing_ok=True)
@@ -92,19 +92,20 @@ def keep_in_files(made: Any) -> None:
     runtime alone, and where none is kept the compiler is readied as ever.
 
     This goes by names that numba does not publish. Where they are no more, nothing is cached, since what numba would
-    do may be wrong; compiling takes seconds then.
+    do may be wrong; compiling takes seconds then. Nor is what uses something of which no fingerprint tells all.
     """
     try:
         base: Any = importlib.import_module("numba.core.caching").FunctionCache
         runtime: Any = importlib.import_module("numba.core.runtime").rtsys
         versions = [importlib.import_module(name).__version__ for name in ("numba", "llvmlite", "numpy")]
         find = base._load_overload
+        known = fingerprint(made.py_func)
 
         class Cache(base):  # type: ignore[misc]  # of a module without types
             def __init__(self, function: Any) -> None:
                 super().__init__(function)
                 folder = Path(self._impl.locator.get_cache_path())
-                self._cache_file = KernelFiles(folder, self._impl.filename_base, f"{versions} {fingerprint(function)}")
+                self._cache_file = KernelFiles(folder, self._impl.filename_base, f"{versions} {known}")
 
             def _index_key(self, signature: Any, generator: Any) -> Any:
                 return signature, generator.magic_tuple()
@@ -113,6 +114,9 @@ def keep_in_files(made: Any) -> None:
                 runtime.initialize(target)
                 return find(self, signature, target)
 
-        made._cache = Cache(made.py_func)
+        if known is None:
+            made._cache = importlib.import_module("numba.core.caching").NullCache()
+        else:
+            made._cache = Cache(made.py_func)
     except (ImportError, AttributeError):
         made._cache = importlib.import_module("numba.core.caching").NullCache()

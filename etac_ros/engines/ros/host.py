@@ -218,8 +218,6 @@ class Host:
 
     def _make_ready(self) -> None:
         """Called while DDS looks for the others, when there is nothing else to do."""
-        if self._plan.prepare is not None and RECORDER in self._names:
-            self._plan.prepare()
         if self._plan.rehearse is not None and not {RECORDER}.issuperset(self._names):
             self._plan.rehearse()
 

@@ -90,10 +90,8 @@ class Plan:
     faults
         In real time: what the launcher does to processes. In simulated time the graph has them.
     rehearse
-        In simulated time: what each process with a module does before it joins. It was forked from one that has done
-        it already, and owns nothing yet of what that takes: the first act would be several times as long.
-    prepare
-        Likewise of the process of the recorder: what opening a bag takes.
+        In simulated time: what each process with a module does before it joins. It was forked from one that has done it
+        already, and owns nothing yet of what that takes: the first act would be several times as long.
     anew
         In real time with a priority: builds the graph once more, for rehearsals of tick 0, which are to leave the
         modules of the run alone.
@@ -119,7 +117,6 @@ class Plan:
     pace: float | None = None
     faults: tuple[Fault, ...] = ()
     rehearse: Callable[[], None] | None = None
-    prepare: Callable[[], None] | None = None
     anew: Callable[[], Graph] | None = None
     birth: Birth | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
