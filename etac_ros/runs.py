@@ -155,8 +155,11 @@ def _played_in_real_time(graph: Graph) -> Graph:
 
 
 def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
-    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
-    if wall is None or not wall.priority:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does.
+
+    Not classes of a user: they may print, or move hardware.
+    """
+    if wall is None or not wall.priority or foreign_classes(scenario.classes):
         return None
     return lambda: _played_in_real_time(scenario.build())
 
