@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import subprocess
 import sys
 import textwrap
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from etac_ros.maths.compiled import kernel
+from etac_ros.maths.compiled import _use_cache_folder, kernel
 from etac_ros.maths.vector import cross
 from etac_ros.plants import flexible, manoeuvre, pm_sm, rigid, rigid_mrp
 
@@ -131,3 +132,16 @@ def test_cached_machine_code_is_loaded_without_the_compiler(tmp_path: Path) -> N
     compiled, loaded = (python(script, tmp_path).splitlines() for _ in range(2))
     assert compiled == [f"{math.tanh(0.5)} (2,)", "too large", "True"]
     assert loaded == [*compiled[:2], "False"]
+
+
+def test_a_user_without_a_home_has_a_cache_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    config = pytest.importorskip("numba.core.config")
+    monkeypatch.setattr(config, "CACHE_DIR", config.CACHE_DIR)
+    monkeypatch.setattr(Path, "home", home)
+    _use_cache_folder.__wrapped__()
+    assert str(os.getuid()) in config.CACHE_DIR

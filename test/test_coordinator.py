@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -285,3 +286,16 @@ def test_who_listens_to_the_clock_hears_of_every_event(
     assert shown == sorted(shown)
     fired = run_in_process(load("wu2018", None, ["duration_s=10"])).recording.messages["filtered_error"]
     assert {message.tick / 32 for message in fired} <= set(shown)
+
+
+def test_what_an_editor_leaves_and_line_ends_are_no_other_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("etac_ros.__file__", str(tmp_path / "__init__.py"))
+    found = set()
+    for text in (b"a = 1\n", b"a = 1\r\n"):
+        (tmp_path / "module.py").write_bytes(text)
+        found.add(own_code.__wrapped__())
+        (tmp_path / ".#module.py").unlink(missing_ok=True)
+        (tmp_path / ".#module.py").symlink_to("somebody@somewhere")
+    (tmp_path / "module.py").write_bytes(b"a = 2\n")
+    assert len(found) == 1
+    assert own_code.__wrapped__() not in found

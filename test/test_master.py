@@ -208,6 +208,21 @@ def test_windows_become_shorter_on_demand(tmp_path: Path) -> None:
     assert lengths == [16, 8, 4, 2, 1, 1, 1, 1, 1, 1, 1, 1]
 
 
+def test_windows_that_end_by_themselves_become_shorter_likewise() -> None:
+    """A plant that takes long for a sample does so until its reader acts."""
+    engine = InProcess(load("wu2018", None, ["duration_s=20"]).build(), WindowPolicy(8, 64), trimmed=64)
+    lengths: list[int] = []
+    batches = engine.master.run()
+    orders = next(batches)
+    while len(lengths) < 5:
+        lengths += [order.length for order in orders if isinstance(order, Open)]
+        if len(lengths) == 3:
+            engine.master.shorten_windows()
+        orders = batches.send([engine.obey(order) for order in orders])
+    assert lengths[1] == 64
+    assert lengths[-1] < 64
+
+
 @pytest.mark.parametrize(("first", "longest"), [(0, 4), (5, 4), (1, 0), (-1, -1)])
 def test_lengths_that_make_no_sense_are_refused(first: int, longest: int) -> None:
     with pytest.raises(ValueError, match=rf"1 <= first <= longest, found {first} and {longest}"):

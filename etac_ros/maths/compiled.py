@@ -42,15 +42,15 @@ def _use_cache_folder() -> None:
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     home = os.environ.get("XDG_CACHE_HOME")
-    base = (Path(home) if home else Path.home() / ".cache") / "etac_ros" / "kernels"
-    folder = base / _package_digest()
     try:
+        base = (Path(home) if home else Path.home() / ".cache") / "etac_ros" / "kernels"
+        folder = base / _package_digest()
         folder.mkdir(parents=True, exist_ok=True)
         folder.touch()
         older = sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)[_KEPT_CACHES:]
         for path in older:
             shutil.rmtree(path, ignore_errors=True)
-    except OSError:
+    except (OSError, RuntimeError):  # the latter: a user without a home
         folder = Path(tempfile.gettempdir()) / f"etac_ros_kernels_{os.getuid()}" / _package_digest()
     from numba.core import config
 

@@ -147,6 +147,7 @@ class TimeMaster:
     def shorten_windows(self) -> None:
         """Open shorter windows from now on: these took too long. Only speed depends on it."""
         self._longest = max(1, min(self._longest, max(self._lengths.values(), default=1)) // 2)
+        self._self_ending = {plant: min(most, self._longest) for plant, most in self._self_ending.items()}
 
     def is_halted(self) -> bool:
         """Whether a watch has ended the run."""

@@ -15,5 +15,7 @@ def own_code() -> str:
     package = Path(etac_ros.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+        if path.stem.isidentifier():  # editors keep files of theirs beside one that is open, some of them dead links
+            source = path.read_bytes().replace(b"\r\n", b"\n")
+            digest.update(path.relative_to(package).as_posix().encode() + b"\0" + source + b"\0")
     return f"{etac_ros.__version__}, {digest.hexdigest()[:8]}"
