@@ -127,7 +127,7 @@ def in_plain_numpy(parts: Sequence[str]) -> Scenario:
 
 def looped(scenario: Scenario, in_one: bool = True) -> Callable[[], float]:
     """What runs a scenario, and says how long its loop took [s]; in one kernel where it can be."""
-    warm_up(scenario)
+    warm_up(scenario, in_one)
     return lambda: timed(engine_by_calls(scenario, scenario.build(), in_one=in_one).run)
 
 

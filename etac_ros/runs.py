@@ -66,8 +66,8 @@ _NOT_IN_NAMES = re.compile(r"[^\w.+-]")
 """What a scenario's name or variant may hold, and the name of a folder should not: slashes above all."""
 _LONGEST_BY_CALLS = 512
 SCENARIO_ATTACHMENT = "scenario.yaml"
-_warm: set[str] = set()
-"""Digests of scenarios whose kernels this process has loaded: machine code is the process's own."""
+_warm: set[tuple[str, bool]] = set()
+"""Digests of scenarios whose kernels this process has loaded, and whether in one: machine code is the process's own."""
 
 Progress = Callable[[int, Mapping[str, int]], None]
 OnPicture = Callable[[Picture], None]
@@ -112,17 +112,25 @@ def checked_graph(scenario: Scenario) -> Graph:
     return graph
 
 
-def warm_up(scenario: Scenario) -> None:
+def warm_up(scenario: Scenario, in_one: bool = False) -> None:
     """Compile every kernel that the scenario needs, by running its first ticks in process; once in a process.
 
     Compiling takes seconds the first time; afterwards the machine code comes from the cache.
+
+    Parameters
+    ----------
+    scenario
+        What is to be run.
+    in_one
+        As for :func:`engine_by_calls`.
     """
-    if scenario.digest in _warm:
+    if (scenario.digest, in_one) in _warm:
         return
-    _warm.add(scenario.digest)
+    _warm.add((scenario.digest, in_one))
     import_numba()
     graph = scenario.build()
-    InProcess(replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS)), WindowPolicy(8, 8), trimmed=8).run()
+    begun = replace(graph, end_tick=min(graph.end_tick, _WARM_UP_TICKS))
+    InProcess(begun, WindowPolicy(8, 8), trimmed=8, in_one=in_one).run()
 
 
 def _rehearsal(scenario: Scenario) -> Callable[[], None] | None:
@@ -147,8 +155,11 @@ def _played_in_real_time(graph: Graph) -> Graph:
 
 
 def anew_in_real_time(scenario: Scenario, wall: RealTime | None) -> Callable[[], Graph] | None:
-    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does."""
-    if wall is None or not wall.priority:
+    """What builds the modules of a real-time run once more, for who rehearses with them; None where nobody does.
+
+    Not classes of a user: they may print, or move hardware.
+    """
+    if wall is None or not wall.priority or foreign_classes(scenario.classes):
         return None
     return lambda: _played_in_real_time(scenario.build())
 
@@ -366,7 +377,7 @@ def run_in_process(
     checked_graph(scenario)
     if live is not None:
         check_live(live)
-    warm_up(scenario)
+    warm_up(scenario, in_one=bag is None and pace is None and live is None and on_picture is None)
     run, tick = _simulated(scenario, scenario.build(), began, bag, pace, _viewers(scenario, live, on_picture))
     _raise_if_halted(scenario, run.summary.halted, tick)
     return run

@@ -48,5 +48,5 @@ def test_classes_of_a_user_act_in_their_run_alone(tmp_path: Path, monkeypatch: p
         "from etac_ros.modules.actuator import Actuator\nclass Own(Actuator):\n    pass\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    assert runs._rehearsal(load("wu2018"), None) is not None
-    assert runs._rehearsal(load("wu2018", None, ["actuator.module=own_actuator:Own"]), None) is None
+    assert runs._rehearsal(load("wu2018")) is not None
+    assert runs._rehearsal(load("wu2018", None, ["actuator.module=own_actuator:Own"])) is None

@@ -217,7 +217,7 @@ import os, signal, sys
 import etac_ros.cli.run as run
 from etac_ros.cli.main import main
 whole = run.run_over_ros
-def interrupted(scenario, bag, options, on_progress):
+def interrupted(scenario, bag, options, on_progress, on_start):
     def progress(tick, fired):
         if tick > 100 and not sent:
             sent.append(os.kill(os.getpid(), signal.SIGINT))
@@ -240,7 +240,7 @@ main()
 
 def test_a_run_that_a_watch_ended_says_of_when_its_figures_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """wu2018 takes its steady figures from 600 s on; this one is over before."""
-    monkeypatch.setattr(PlantModule, "_left_bounds", lambda _, start, rows: "enough" if start + len(rows) > 50 else "")
+    monkeypatch.setattr(PlantModule, "left_bounds", lambda _, start, rows: "enough" if start + len(rows) > 50 else "")
     scenario = load("wu2018")
     summary = simulate(scenario).summary
     assert summary.halted

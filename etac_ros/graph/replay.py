@@ -187,13 +187,23 @@ def _held_inputs(graph: Graph, recording: Recording, plant: str) -> dict[str, St
     first = recording.first_tick(plant)
     hold = HeldInputs(module.inputs, [link.name for link in graph.hears[plant]])
     totals = {first: hold.total()}
-    for (tick, _), some in arrivals(graph, recording, plant).items():
-        totals[tick] = hold.take(some)
+    if len(module.inputs) == len(graph.hears[plant]) == 1:  # as mostly: then it holds what came last
+        (link,) = graph.hears[plant]
+        came = deliveries(graph, recording, link, plant)
+        totals |= {tick: message.value for tick, _, message in sorted(came, key=_when)}
+    else:
+        for (tick, _), some in arrivals(graph, recording, plant).items():
+            totals[tick] = hold.take(some)
     ticks = np.array(list(totals), dtype=np.int64)
     values = np.array(list(totals.values()))
     ends = np.cumsum(list(module.inputs.values()))[:-1]
     parts = np.split(values, ends, axis=1)
     return {port: Staircase(ticks, part) for port, part in zip(module.inputs, parts, strict=True)}
+
+
+def _when(delivery: Delivery) -> tuple[int, int]:
+    tick, step, _ = delivery
+    return tick, step
 
 
 def energy_until(held: Sequence[Staircase], ticks: npt.NDArray[np.int64], ticks_per_second: int) -> FloatArray:

@@ -7,7 +7,7 @@ import inspect
 import json
 import traceback
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from types import UnionType
 from typing import Any, Generic, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -18,6 +18,7 @@ from etac_ros.graph.module import Module
 from etac_ros.graph.promises import failed_in_etac_ros, failure, users_traceback
 from etac_ros.graph.role import Role
 from etac_ros.maths.compiled import tell_numba
+from etac_ros.parameters import Parameters
 from etac_ros.scenario.document import choice
 from etac_ros.scenario.faults import faults_of
 from etac_ros.scenario.trust import is_own, may_import
@@ -25,6 +26,7 @@ from etac_ros.triggers.rule import AnyRule
 from etac_ros.triggers.timing import RuleTiming, timed
 
 Model = TypeVar("Model", bound=BaseModel)
+_OURS = "etac_ros."
 _MOST_FAULTS = 30
 """Faults that are listed; a file of millions has as many."""
 
@@ -89,6 +91,9 @@ def validated(model: type[Model], values: Any, where: str) -> Model:
     """
     try:
         # JSON mode is strict about types, yet takes lists for tuples and texts for enumerations.
+        if issubclass(model, Parameters) and model.__module__.startswith(_OURS):
+            found: Model = _own_parameters(model, json.dumps(values))
+            return found
         return model.model_validate_json(json.dumps(values), strict=True)
     except ValidationError as error:
         faults = faults_of(model, values, error.errors()[:_MOST_FAULTS], where)
@@ -99,6 +104,12 @@ def validated(model: type[Model], values: Any, where: str) -> Model:
         raise faults[0]
     counted = f"{len(faults)} faults" if more <= 0 else f"{len(faults)} faults and {more:,} more"
     raise ScenarioError(where, f"{counted}\n" + "\n".join(str(fault) for fault in faults))
+
+
+@lru_cache(maxsize=512)  # a sweep builds thousands of graphs, in which few parameters differ
+def _own_parameters(model: type[Model], text: str) -> Model:
+    """Parameters of a class of ours: nobody can change them, so whoever asks for the same may have the same."""
+    return model.model_validate_json(text, strict=True)
 
 
 def with_parameters(kind: type, where: str) -> Any:

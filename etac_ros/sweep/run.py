@@ -119,7 +119,7 @@ def _run(
     on_progress(finished, planned)
     if not samples:
         return
-    warm_up(plan.scenario)  # once, so that not every worker compiles what is in no cache yet
+    warm_up(plan.scenario, in_one=True)  # once, so that not every worker compiles what is in no cache yet
     run = workers or usual_workers()
     with closing(run(plan, samples)) as chunks:  # type: ignore[type-var]
         for rows in chunks:

@@ -26,7 +26,7 @@ _LOOK_NS = NANOSECONDS // 20
 _SHORT_NS = NANOSECONDS // 500
 """What the housekeeping of a loop takes at most, by far."""
 _NEVER_NS = 2**63
-_READY_NS = NANOSECONDS // 1000
+_READY_NS = NANOSECONDS // 500
 """How long before an act a process with a priority is awake."""
 _GATHER_S = 0.002
 """How long the recorder lets messages gather: their times come from DDS, and others need the processor more."""
@@ -117,8 +117,8 @@ class WallHost(Host):
     def _stand_ready(self, due: int) -> None:
         """Be awake shortly before an act, with all at hand that it needs; whoever has the same priority may go first.
 
-        A wake-up takes 0.1 to 0.2 ms, sometimes 0.8, and an act after a sleep in which others have used the processor
-        three times as long as one right after another.
+        A wake-up takes 0.1 to 0.2 ms, now and then 2 where the machine is a virtual one, and an act after a sleep in
+        which others have used the processor three times as long as one right after another.
         """
         self._stood_ready_for = due
         self._rehearsals.stand_ready(due)
