@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import time
 from collections.abc import Collection
 from dataclasses import replace
@@ -16,10 +15,8 @@ from wall_network import WallNetwork
 from etac_ros.engines.ros.plan import Plan, RealTime
 from etac_ros.engines.ros.wall_rehearsals import Rehearsals
 from etac_ros.graph.graph import Graph, Link
-from etac_ros.graph.module import Outputs
 from etac_ros.graph.recording import Recording
 from etac_ros.maths.wall_clock import WallClock
-from etac_ros.modules.sensor import Sensor
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import windows_of
 from etac_ros.scenario.load import Scenario, load
@@ -130,19 +127,3 @@ def test_a_module_that_fails_is_left_to_its_own_act() -> None:
     some.rehearse_early(near(100.0))
     assert not some.rehearse_early(near(100.0))
     assert (len(built), some.ready_ns) == (2, 0)
-
-
-class Waiting(Sensor):
-    """Waits for a device, as somebody's class may."""
-
-    def fire(self, tick: int, sample: FloatArray | None) -> Outputs:
-        select.select([], [], [], 1e-4)
-        return super().fire(tick, sample)
-
-
-def test_a_class_that_waits_for_something_is_not_rehearsed() -> None:
-    built: list[Graph] = []
-    some = rehearsals(load("wu2018", None, ["sensor.module=test_wall_rehearsal:Waiting"]), built)
-    some.rehearse_alone()
-    assert not some.rehearse_early(near(100.0))
-    assert (len(built), some.ready_ns) == (3, 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import time
 from collections.abc import Mapping, Sequence
 
@@ -24,11 +23,6 @@ _MOST_NS = NANOSECONDS // 100
 """What a rehearsal may take: where one act takes as long, caches are no matter."""
 _ROUND = 4
 """So many processes with something to rehearse may share a processor: each has had its turn before tick 0."""
-
-
-def _waits() -> int:
-    """How often this thread has given up its processor by itself."""
-    return resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
 
 
 class Rehearsals:
@@ -54,20 +48,15 @@ class Rehearsals:
         self._processors: set[int] = set()
 
     def rehearse_alone(self) -> None:
-        """Before the process has anything to do with others, to see how long it takes: the first time does not tell.
-
-        Nor does processor time tell how long a class waits, for a device or in a sleep: then nothing is rehearsed
-        later, since the last rehearsal could end after tick 0.
-        """
+        """Before the process has anything to do with others, to see how long it takes: the first time does not tell."""
         if not self._early:
             return
         assert self._plan.wall is not None
         clock = WallClock(0, self._plan.graph.ticks_per_second, self._plan.wall.rate)
         for _ in range(_ALONE):
-            waits = _waits()
             if self._run(self._rehearsal(clock)) is None:
                 break
-            if self._takes_ns <= _MOST_NS and _waits() == waits:
+            if self._takes_ns <= _MOST_NS:
                 return
         self._early = 0
 
