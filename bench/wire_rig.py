@@ -252,7 +252,7 @@ def _play(
             os.close(tap)
         for name in SET_ASIDE:
             os.environ.pop(name, None)
-        os.environ.update(dds_environment(DOMAIN), FASTRTPS_DEFAULT_PROFILES_FILE=str(settings_file))
+        os.environ.update(dds_environment(DOMAIN, private=True), FASTRTPS_DEFAULT_PROFILES_FILE=str(settings_file))
         context = Context()
         rclpy.init(
             args=["--ros-args", "--disable-external-lib-logs"],

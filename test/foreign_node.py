@@ -69,6 +69,7 @@ def publish_fakes() -> None:
             for text in texts:
                 publisher.publish(String(data=text))
 
+    publish()  # what is latched is there for whoever comes
     node.create_timer(0.2, publish)
 
 

@@ -258,3 +258,23 @@ def test_who_is_absent_is_named_with_its_topic(monkeypatch: pytest.MonkeyPatch) 
     assert watched.watch.absent() == [f"/controller (no publisher of {ANSWERS} that fits)"]
     watched.publisher()
     assert watched.watch.absent() == []
+
+
+def test_a_run_begins_once_all_have_fitted_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a foreign publisher sends before it has found our subscriptions would be lost, and it finds them later."""
+    watched = Watched(monkeypatch)
+    assert not watched.watch.is_ready()
+    first = watched.publisher()
+    assert not watched.watch.is_ready()
+    watched.clock.now += foreign._SETTLES_S / 2
+    watched.bus.writers.remove(first.end)
+    assert not watched.watch.is_ready()
+    watched.publisher()
+    watched.clock.now += foreign._SETTLES_S / 2
+    assert not watched.watch.is_ready()
+    watched.clock.now += foreign._SETTLES_S
+    assert watched.watch.is_ready()
+
+
+def test_without_foreign_publishers_a_run_begins_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Watched(monkeypatch, "seed=1").watch.is_ready()

@@ -211,7 +211,7 @@ class Convener(RunNode):
         self._begin_if_all_are_there()
 
     def _begin_if_all_are_there(self) -> None:
-        if len(self._greeted) == len(self.plan.nodes) and not self.started and self.foreign.fits():
+        if len(self._greeted) == len(self.plan.nodes) and not self.started and self.foreign.is_ready():
             self.started = True
             self.begin_to_count()
             self.start = self._start_content()

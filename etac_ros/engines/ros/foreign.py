@@ -21,6 +21,8 @@ Listen = Callable[[Link, Callable[[Any, int], None], bool], Subscription]
 """Subscribes to a topic of a foreign node; the last argument says whether the node itself is the publisher."""
 
 _LOOK_S = 1.0
+_SETTLES_S = 0.5
+"""How long foreign publishers get to find our subscriptions once these have found them: DDS takes some 10 ms."""
 _SLOW_S = 2.0
 """Wall time after which it is said for which foreign node the run waits; an error it is after ``quiet_s``."""
 
@@ -67,6 +69,7 @@ class Foreign:
         self._questions: dict[str, Subscription] = {}
         self._owing_since: tuple[int, float] | None = None
         self._called_slow = False
+        self._fitting_since: float | None = None
         if listen is not None:
             for link in graph.links.values():
                 if link.sender in foreign:
@@ -118,6 +121,22 @@ class Foreign:
     def fits(self) -> bool:
         """Whether every topic of a foreign node has one publisher, which DDS joins with our subscriptions."""
         return all(sum(self._joins(topic, end) for end in self._publishers(topic)) == 1 for topic in self._offered)
+
+    def is_ready(self) -> bool:
+        """Whether all have fitted for a while, so that they have found our subscriptions, too; asked again and again.
+
+        DDS tells each side apart from the other, and only ours can be seen here: what a publisher sends before it has
+        found a subscription is lost.
+        """
+        if not self._offered:
+            return True
+        now = time.monotonic()
+        if not self.fits():
+            self._fitting_since = None
+            return False
+        if self._fitting_since is None:
+            self._fitting_since = now
+        return now - self._fitting_since >= _SETTLES_S
 
     def misfits(self) -> list[str]:
         """What does not fit, in words that have not been said yet; looked for now and then."""

@@ -258,6 +258,8 @@ class Host:
         while not all(node.finished for node in self._nodes):
             if not self._spinner.once(_WAIT_S):
                 self._be_idle()
+            elif self._coordinator is not None and not self._coordinator.started:
+                self._coordinator.idle(self._patient)  # a foreign node may send all the time
             self._look_around()
 
     def _be_idle(self) -> None:
