@@ -11,6 +11,7 @@ from etac_ros.engines.closed_loop import closed_loop_of
 from etac_ros.engines.inprocess import InProcess
 from etac_ros.errors import EtacError
 from etac_ros.graph.plant import PlantModule
+from etac_ros.graph.spool import Spool
 from etac_ros.modules.actuator import Actuator
 from etac_ros.parameters import FloatArray
 from etac_ros.runs import engine_by_calls, run_in_process
@@ -137,3 +138,14 @@ def test_a_bag_has_the_chunks_of_a_run_by_orders(tmp_path: Path) -> None:
     run = run_in_process(scenario, tmp_path / "bag")
     windows = InProcess(scenario.build(), WindowPolicy(64, 64), trimmed=1024).run().truth["/plant"]
     assert len(run.recording.truth["/plant"]) == len(windows)
+
+
+def test_samples_of_a_long_run_do_not_stay_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    put_away = []
+    usual = Spool._put_away
+    monkeypatch.setattr(Spool, "_put_away", lambda self: (put_away.append(self), usual(self))[1])
+    monkeypatch.setattr(closed_loop, "Spool", lambda: Spool(kept_bytes=1 << 20))
+    scenario = load("wu2018", None, ["duration_s=3000"])
+    recording = InProcess(scenario.build(), in_one=True).run()
+    assert len(put_away) > 1
+    assert recording.digest() == InProcess(scenario.build()).run().digest()

@@ -17,7 +17,7 @@ from etac_ros.graph.graph import Graph
 from etac_ros.graph.module import Arrival
 from etac_ros.graph.plant import PlantModule
 from etac_ros.graph.recording import Message
-from etac_ros.graph.spool import Chunk
+from etac_ros.graph.spool import Spool
 from etac_ros.graph.wire import WireFormat
 from etac_ros.maths.finite import all_finite
 from etac_ros.maths.rk4 import Answer, Criterion, Stop
@@ -35,7 +35,7 @@ class Ran(NamedTuple):
     """What a run leaves behind."""
 
     messages: dict[str, list[Message]]
-    truth: list[Chunk]
+    truth: Spool
     events: int
 
 
@@ -84,7 +84,7 @@ class ClosedLoop:
         size, held = signal.size, torque.size
         rows = [np.concatenate([[0.0], signal, command, torque])]
         state, tick = self._plant.state, 0
-        truth: list[Chunk] = []
+        truth = Spool()
         row = rows[0].size
         events = np.empty(2 + row * _EVENTS_AT_ONCE)
         while tick < self._end:

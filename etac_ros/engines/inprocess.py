@@ -127,8 +127,7 @@ class InProcess:
     def _taken_from(self, loop: ClosedLoop, ran: Ran) -> Recording:
         """The recording of a run that was one kernel."""
         self.recording.messages.update(ran.messages)
-        for chunk in ran.truth:
-            self._truth[loop.plant].append(chunk)
+        self._truth[loop.plant] = ran.truth
         self.master.skip_to_end({loop.sensor: ran.events}, dict.fromkeys(loop.links, ran.events))
         return self.recording
 
