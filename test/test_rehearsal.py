@@ -50,3 +50,13 @@ def test_classes_of_a_user_act_in_their_run_alone(tmp_path: Path, monkeypatch: p
     monkeypatch.syspath_prepend(tmp_path)
     assert runs._rehearsal(load("wu2018")) is not None
     assert runs._rehearsal(load("wu2018", None, ["actuator.module=own_actuator:Own"])) is None
+
+
+def test_what_fails_in_a_rehearsal_is_left_to_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails() -> None:
+        raise ValueError("only in the rehearsal")
+
+    monkeypatch.setattr(runs, "_rehearsal", lambda scenario: fails)
+    scenario = load("wu2018", None, ["duration_s=20"])
+    over_ros = runs.run_over_ros(scenario, tmp_path / "bag")
+    assert over_ros.recording.digest() == runs.run_in_process(scenario).recording.digest()
