@@ -30,7 +30,8 @@ def answer(future):  # type: ignore[no-untyped-def]
 names = answer(client.list_parameters()).result.names
 values = answer(client.get_parameters(["trigger.alpha", "module", "ticks_per_second"])).values
 (told,) = answer(client.set_parameters([Parameter("trigger.alpha", value=0.9)])).results
-while not heard:
+spoken = f"{sys.argv[1].lstrip('/')}: "
+while not any(line.startswith(spoken) for line in heard):  # others of its process may be heard first
     rclpy.spin_once(node, timeout_sec=30.0)
 print(
     json.dumps(
