@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, Protocol, TypeVar
 
+from etac_ros.processes import end_with_parent, flush_streams
+
 T = TypeVar("T")
 Work = Callable[[], T]
 """A piece of work, or what hands its outcome out."""
-_PR_SET_PDEATHSIG = 1
 
 
 class Elsewhere(Protocol):
@@ -93,7 +92,7 @@ class _Piece(Generic[T]):
         """Have it done by a process of its own."""
         fork = multiprocessing.get_context("fork")
         self._pipe, theirs = fork.Pipe(duplex=False)
-        _flush()  # or it would write once more what this one has not written yet
+        flush_streams()  # or it would write once more what this one has not written yet
         self._process = fork.Process(target=_do, args=(self._work, theirs, os.getpid()), daemon=True)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
@@ -120,16 +119,10 @@ class _Piece(Generic[T]):
 def _do(work: Work[object], outcome: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who waits, and ends this one with itself
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # as does whatever else ends it
+    end_with_parent(signal.SIGKILL)  # as does whatever else ends it
     if os.getppid() == parent:
         with suppress(BaseException):  # which the one that waits will meet itself, and tell
             made = work()
-            _flush()
+            flush_streams()
             outcome.send(made)
     os._exit(0)  # without what else happens at an end: that is the business of who has forked
-
-
-def _flush() -> None:
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
-            stream.flush()

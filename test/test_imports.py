@@ -16,6 +16,9 @@ import etac_ros
 PACKAGE = Path(etac_ros.__file__).parent
 FLOORS = [
     "plain_text",
+    "processes",
+    "whole_files",
+    "source_digest",
     "beside",
     "errors",
     "tables",

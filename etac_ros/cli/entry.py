@@ -13,6 +13,8 @@ import threading
 from contextlib import suppress
 from typing import Any
 
+from etac_ros.processes import flush_streams
+
 INTERRUPTED = 130
 _IMPORTED = 300_000
 """More objects than the imports of any command make."""
@@ -65,9 +67,7 @@ def leave(code: Any) -> None:
         sys.exit(code)
     with suppress(KeyboardInterrupt):  # it is over: there is nothing left to interrupt
         atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # closed by who started this process
-            stream.flush()
+    flush_streams()
     os._exit((code or 0) & 0xFF)
 
 

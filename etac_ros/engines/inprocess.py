@@ -68,7 +68,7 @@ class InProcess:
         self.before = before
         # By link, in order of their sequence numbers.
         self._values: dict[str, list[FloatArray]] = {name: [] for name in graph.links}
-        self._routes: dict[Relay, list[_Stop]] = {}
+        self._routes: dict[Relay, list[_Station]] = {}
         self._ports = {name: {link.name: link.receivers[name] for link in graph.hears[name]} for name in graph.modules}
         # What is asked for with every order, by plant and by module.
         self._loop = closed_loop_of(graph) if in_one else None
@@ -187,8 +187,8 @@ class InProcess:
             return _DONE
         return Report(halt=halt, missing=tuple(place for place, value in enumerate(on_way) if value is None))
 
-    def _routed(self, relay: Relay) -> list[_Stop]:
-        found: list[_Stop] = []
+    def _routed(self, relay: Relay) -> list[_Station]:
+        found: list[_Station] = []
         for name, _, takes, sends in relay.hops:
             ports = self._ports[name]
             links = [relay.messages[place][0] for place in takes]
@@ -250,13 +250,13 @@ class InProcess:
         return tuple(names)
 
 
-_Stop = tuple[
+_Station = tuple[
     Module,
     Callable[[int | None, tuple[Arrival, ...]], Sent],
     list[tuple[int, str, str]],
     list[str],
 ]
-"""A stop on the way of a relay: a module and how it is told what it takes, as (place, port, link); what it answers."""
+"""A station of a relay: a module and how it is told what it takes, as (place, port, link); what it answers."""
 _DONE = Report()
 
 

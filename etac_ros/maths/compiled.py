@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from etac_ros.maths.kernel_cache import keep_in_files
+from etac_ros.source_digest import digest_of_sources
 
 _ROOMS = ("maths", "plants", "laws", "triggers")
 _KEPT_CACHES = 4
@@ -29,12 +30,8 @@ def _package_digest() -> str:
     import numba
 
     package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(numba.__version__.encode())
-    for room in _ROOMS:
-        for path in sorted((package / room).glob("*.py")):
-            digest.update(path.name.encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    sources = digest_of_sources(package / room for room in _ROOMS)
+    return hashlib.sha256(f"{numba.__version__} {sources}".encode()).hexdigest()[:16]
 
 
 @functools.cache

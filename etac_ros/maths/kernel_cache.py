@@ -12,11 +12,11 @@ import glob
 import hashlib
 import importlib
 import pickle
-import tempfile
 from pathlib import Path
 from typing import Any
 
 from etac_ros.maths.fingerprint import fingerprint
+from etac_ros.whole_files import write_at_once
 
 _CHECKED = hashlib.sha256
 _CHECK_BYTES = _CHECKED().digest_size
@@ -64,17 +64,9 @@ class KernelFiles:
     def save(self, key: Any, data: Any) -> None:
         """Keep machine code. Where that cannot be done (a full disk) it is compiled anew the next time."""
         content = importlib.import_module("numba.core.serialize").dumps(data)
-        path, written = self.path(key), ""
-        try:
-            with tempfile.NamedTemporaryFile(dir=self._folder, prefix=path.name, delete=False) as file:
-                written = file.name
-                file.write(_CHECKED(content).digest() + content)
-            Path(written).replace(path)  # at once, so that nobody reads a part of it
+        with contextlib.suppress(OSError):
+            write_at_once(self.path(key), _CHECKED(content).digest() + content)
             self._forget_older()
-        except OSError:
-            with contextlib.suppress(OSError):
-                if written:
-                    Path(written).unlink()
 
     def _forget_older(self) -> None:
         """Remove what has not been used for longest, as of earlier versions. Who wants it then compiles."""

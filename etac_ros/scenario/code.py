@@ -18,6 +18,8 @@ from pathlib import Path
 from sysconfig import get_path
 from typing import NamedTuple
 
+from etac_ros.source_digest import digest_of_sources, source_of
+
 _INSTALLED = ("site-packages", "dist-packages")
 _OWN = __name__.partition(".")[0]
 _STANDARD = frozenset(Path(get_path(place)) for place in ("stdlib", "platstdlib"))
@@ -40,7 +42,7 @@ def _code(name: str) -> str:
     """As it was when it was first asked for: later a process does not import it anew."""
     top = name.partition(".")[0]
     if top != _OWN and (installed := [Path(place) for place in _places(top) or () if _is_installed(Path(place))]):
-        return _tree(installed)
+        return digest_of_sources(installed)[:16]  # to follow its imports may take long
     digest = hashlib.sha256()
     pending, seen, said = list(_with_packages(name)), set(), False
     while pending:
@@ -55,15 +57,6 @@ def _code(name: str) -> str:
         digest.update(name.encode() + b"\0" + source + b"\0")
         pending += _imports(found, source)
     return digest.hexdigest()[:16] if said else ""
-
-
-def _tree(folders: Sequence[Path]) -> str:
-    """Of all that a package has installed: to follow its imports may take long."""
-    digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + (_read(path) or b"") + b"\0")
-    return digest.hexdigest()[:16]
 
 
 def _found(name: str) -> _Found | None:
@@ -115,14 +108,7 @@ def _source(found: _Found, name: str, top: str) -> bytes | None:
         return None
     if not installed and any(found.file.is_relative_to(place) for place in _STANDARD):
         return None
-    return _read(found.file)
-
-
-def _read(file: Path) -> bytes | None:
-    try:
-        return file.read_bytes().replace(b"\r\n", b"\n")
-    except OSError:
-        return None
+    return source_of(found.file)
 
 
 def _is_installed(file: Path) -> bool:

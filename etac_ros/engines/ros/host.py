@@ -32,6 +32,7 @@ from etac_ros.engines.ros.run_node import RunNode
 from etac_ros.engines.ros.scheduling import take_turns
 from etac_ros.engines.ros.signals import ENDING, let_through
 from etac_ros.errors import EtacError, RunError
+from etac_ros.processes import flush_streams
 
 _JOIN_WAIT_S = 0.005
 _WAIT_S = 0.05
@@ -60,9 +61,7 @@ def leave_process(code: int) -> NoReturn:
     its participant is left to the operating system, since Fast DDS was seen to hang in it on a busy machine; and
     exit handlers are left alone, since in a forked process they belong to the parent.
     """
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
-            stream.flush()
+    flush_streams()
     os._exit(code)
 
 

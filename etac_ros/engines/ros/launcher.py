@@ -44,6 +44,7 @@ from etac_ros.errors import EtacError, RunError
 from etac_ros.graph.faults import Fault, FaultKind
 from etac_ros.maths.ticks import NANOSECONDS
 from etac_ros.maths.wall_clock import WallClock
+from etac_ros.processes import flush_streams
 from etac_ros.timing.membership import birth_ns, restarts_of
 
 MOST_PROCESSES = 100
@@ -213,9 +214,7 @@ class Launcher:
 
     def _start(self) -> None:
         load()
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(OSError, ValueError, AttributeError):  # closed by who started this process
-                stream.flush()
+        flush_streams()
         gc.freeze()  # what is there now is shared with the children; the collector need not touch its pages
         names: tuple[str, ...] = ()
         try:

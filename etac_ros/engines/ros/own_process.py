@@ -8,7 +8,6 @@ a fork). A fresh process has neither, and costs about a second.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import importlib
 import os
 import pickle
@@ -26,10 +25,10 @@ from typing import Any
 from etac_ros.engines.ros import LOADED_BEFORE
 from etac_ros.engines.ros.environment import uses_another_dds
 from etac_ros.errors import EtacError, RunError
+from etac_ros.processes import end_with_parent
 
 _END_S = 20.0
 """How long the process may take to end its run when it is told to."""
-_PR_SET_PDEATHSIG = 1
 
 Tell = Callable[[str, Any], None]
 
@@ -126,7 +125,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 def serve(file_descriptor: int, parent: int) -> None:
     """What the fresh process does."""
     # Its end is the end of this one: the run's own processes look after it in the same way.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    end_with_parent(signal.SIGTERM)
     pipe = Connection(file_descriptor)
     os.set_inheritable(file_descriptor, False)
     os.environ["RMW_IMPLEMENTATION"] = ""  # whatever it said: it is set for each process of the run

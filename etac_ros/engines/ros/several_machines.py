@@ -14,7 +14,6 @@ import select
 import socket
 import struct
 import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from importlib.resources import files
@@ -24,6 +23,7 @@ from xml.etree import ElementTree
 
 from etac_ros.engines.ros.domain import last_port
 from etac_ros.errors import RunError, ScenarioError
+from etac_ros.whole_files import write_at_once
 
 ANSWERS_WITHIN_S = 4.0
 """How long a peer may take to answer or to be missed: resolving an address in vain takes Linux three seconds."""
@@ -63,9 +63,7 @@ class Machines:
         try:
             if not path.exists():
                 folder.mkdir(parents=True, exist_ok=True)
-                with tempfile.NamedTemporaryFile(dir=folder, delete=False) as written:
-                    written.write(content)
-                Path(written.name).replace(path)  # at once, so that nobody reads a part of it
+                write_at_once(path, content)
         except OSError as error:
             raise RunError(
                 f"DDS profile {path}", f"cannot be written: {error.strerror}", "a folder that may be written",
@@ -198,10 +196,9 @@ def _address_of(interface: str) -> str:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         if interface in names:
             try:
-                answer = fcntl.ioctl(asking, _GET_ADDRESS, struct.pack("256s", interface.encode()[:15]))
+                return _ipv4_address(asking, _request(interface))
             except OSError:
                 raise ScenarioError(f"--interface {interface}", "has no IPv4 address", "one that has") from None
-            return socket.inet_ntoa(answer[20:24])
         try:
             socket.inet_pton(socket.AF_INET, interface)
             asking.bind((interface, 0))
@@ -211,6 +208,15 @@ def _address_of(interface: str) -> str:
                 f"--interface {interface}", "is no interface or address of this machine", f"an address, or {known}"
             ) from None
         return interface
+
+
+def _request(interface: str) -> bytes:
+    """What the system is asked with about an interface."""
+    return struct.pack("256s", interface.encode()[:15])
+
+
+def _ipv4_address(asking: socket.socket, request: bytes) -> str:
+    return socket.inet_ntoa(fcntl.ioctl(asking, _GET_ADDRESS, request)[20:24])
 
 
 def _check_link(address: str) -> None:
@@ -238,9 +244,9 @@ def _without_link(address: str) -> _Down | None:
     """The interface with that address, if nothing can be sent from it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         for _, name in socket.if_nameindex():
-            request = struct.pack("256s", name.encode()[:15])
+            request = _request(name)
             try:
-                if socket.inet_ntoa(fcntl.ioctl(asking, _GET_ADDRESS, request)[20:24]) != address:
+                if _ipv4_address(asking, request) != address:
                     continue
                 (flags,) = struct.unpack_from("H", fcntl.ioctl(asking, _GET_FLAGS, request), 16)
             except OSError:  # without an IPv4 address, or gone
