@@ -581,8 +581,7 @@ def _performance(graph: Graph, recording: Recording, name: str, steady: int) -> 
             continue
         errors = errors_of(module.plant, states[skipped:], begin + skipped)
         angles = np.degrees(module.plant.attitude_angle(errors))
-        rates = errors[:, module.plant.rate_slice]
-        rates = np.degrees(row_norms(rates) if rates.shape[1] == 3 else np.linalg.norm(rates, axis=1))
+        rates = np.degrees(row_norms(errors[:, module.plant.rate_slice]))
         largest_angle = float(np.maximum(largest_angle, angles.max()))  # which keeps what is no number
         largest_rate = float(np.maximum(largest_rate, rates.max()))
     return Performance(
